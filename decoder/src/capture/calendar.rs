@@ -1,0 +1,38 @@
+//! Calendar dates in captures.
+
+use jiff::civil::DateTime;
+use jiff::tz::TimeZone;
+
+/// Nanoseconds since 1970 of a date `[year, month, day, hour, minute, second]` read as UTC; `None` if
+/// there is no such date. Second 60 counts as 59.
+pub(super) fn utc(date: [i64; 6], nanoseconds: i64) -> Option<i64> {
+    let [year, month, day, hour, minute, second] = date;
+    let date = DateTime::new(
+        i16::try_from(year).ok()?,
+        i8::try_from(month).ok()?,
+        i8::try_from(day).ok()?,
+        i8::try_from(hour).ok()?,
+        i8::try_from(minute).ok()?,
+        i8::try_from(second.min(59)).ok()?,
+        i32::try_from(nanoseconds).ok()?,
+    );
+    let zoned = date.ok()?.to_zoned(TimeZone::UTC).ok()?;
+    i64::try_from(zoned.timestamp().as_nanosecond()).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates_count_from_1970() {
+        assert_eq!(utc([1970, 1, 1, 0, 0, 1], 5), Some(1_000_000_005));
+        // `date -u -d '2015-07-10 08:17:32' +%s`
+        assert_eq!(utc([2015, 7, 10, 8, 17, 32], 0), Some(1_436_516_252_000_000_000));
+    }
+
+    #[test]
+    fn there_is_no_thirtieth_of_february() {
+        assert_eq!(utc([2024, 2, 30, 0, 0, 0], 0), None);
+    }
+}

@@ -1,0 +1,91 @@
+//! What candump's time stamps mean.
+
+use crate::frame::Timestamp;
+
+/// Stamps below this (1973 as Unix time) count from the start of the recording, not from 1970.
+const RELATIVE_BELOW: i64 = 100_000_000 * 1_000_000_000;
+
+/// Meaning of relative stamps, and of stamps at all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TimeStyle {
+    /// `-t a`, `-l`, `-L`, `-t A`, `-t z`: each stamp stands for itself.
+    Absolute,
+    /// `-t d`: each stamp is the time since the frame before.
+    Delta,
+}
+
+/// Turns stamps into times.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Clock {
+    style: Option<TimeStyle>,
+    elapsed: i64,
+}
+
+impl Clock {
+    /// A clock whose style is known (`Some`) or to be found out.
+    pub(super) fn new(style: Option<TimeStyle>) -> Self {
+        Self { style, elapsed: 0 }
+    }
+
+    /// Whether `stamp` cannot be understood before the style is known.
+    pub(super) fn must_decide(&self, stamp: i64) -> bool {
+        self.style.is_none() && (0..RELATIVE_BELOW).contains(&stamp)
+    }
+
+    /// Takes stamps as they are from now on, unless another style is known.
+    pub(super) fn settle(&mut self) {
+        self.style.get_or_insert(TimeStyle::Absolute);
+    }
+
+    /// Decides from the first stamps: one smaller than its predecessor makes them differences.
+    pub(super) fn decide(&mut self, mut stamps: impl Iterator<Item = i64>) {
+        let mut last = i64::MIN;
+        let falls = stamps.any(|stamp| {
+            let falls = stamp < last;
+            last = stamp;
+            falls
+        });
+        self.style = Some(if falls { TimeStyle::Delta } else { TimeStyle::Absolute });
+    }
+
+    /// Whether stamps are taken as they are, so that no call per stamp is needed.
+    #[inline]
+    pub(super) fn is_absolute(&self) -> bool {
+        self.style != Some(TimeStyle::Delta)
+    }
+
+    /// The time a stamp stands for.
+    #[inline]
+    pub(super) fn time(&mut self, stamp: i64) -> Timestamp {
+        if self.is_absolute() {
+            return Timestamp(stamp);
+        }
+        self.elapsed = self.elapsed.saturating_add(stamp);
+        Timestamp(self.elapsed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn falling_stamps_are_differences() {
+        let mut clock = Clock::new(None);
+        assert!(clock.must_decide(5));
+        clock.decide([0, 10, 5].into_iter());
+        assert_eq!([0, 10, 5].map(|stamp| clock.time(stamp).0), [0, 10, 15]);
+    }
+
+    #[test]
+    fn rising_stamps_stand_for_themselves() {
+        let mut clock = Clock::new(None);
+        clock.decide([0, 10, 10, 12].into_iter());
+        assert_eq!([0, 10, 12].map(|stamp| clock.time(stamp).0), [0, 10, 12]);
+    }
+
+    #[test]
+    fn unix_times_need_no_decision() {
+        assert!(!Clock::new(None).must_decide(1_700_000_000_000_000_000));
+    }
+}

@@ -1,0 +1,66 @@
+//! Compressed captures, recognised by their first bytes.
+
+use std::io::{BufRead, Read};
+
+/// Undoes gzip (RFC 1952, several members) or zstd (RFC 8878); other content passes through.
+///
+/// # Errors
+/// When the source fails, or it is compressed in a way this build leaves out.
+pub fn decompress<'a>(mut source: impl BufRead + 'a) -> std::io::Result<Box<dyn Read + 'a>> {
+    let head = source.fill_buf()?;
+    if head.starts_with(&[0x1F, 0x8B]) {
+        return gzip(source);
+    }
+    if head.starts_with(&[0x28, 0xB5, 0x2F, 0xFD]) {
+        return zstd(source);
+    }
+    Ok(Box::new(source))
+}
+
+#[cfg(feature = "gzip")]
+#[expect(clippy::unnecessary_wraps, reason = "one signature with and without the feature")]
+fn gzip<'a>(source: impl BufRead + 'a) -> std::io::Result<Box<dyn Read + 'a>> {
+    Ok(Box::new(flate2::bufread::MultiGzDecoder::new(source)))
+}
+
+#[cfg(not(feature = "gzip"))]
+fn gzip<'a>(_source: impl BufRead + 'a) -> std::io::Result<Box<dyn Read + 'a>> {
+    Err(std::io::Error::other("gzip capture, but this build leaves out the feature `gzip`"))
+}
+
+#[cfg(feature = "zstd")]
+fn zstd<'a>(source: impl BufRead + 'a) -> std::io::Result<Box<dyn Read + 'a>> {
+    Ok(Box::new(zstd::stream::read::Decoder::with_buffer(source)?))
+}
+
+#[cfg(not(feature = "zstd"))]
+fn zstd<'a>(_source: impl BufRead + 'a) -> std::io::Result<Box<dyn Read + 'a>> {
+    Err(std::io::Error::other("zstd capture, but this build leaves out the feature `zstd`"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn plain_content_passes_through() {
+        let mut text = String::new();
+        decompress(&b"(1.0) can0 1#"[..]).unwrap().read_to_string(&mut text).unwrap();
+        assert_eq!(text, "(1.0) can0 1#");
+    }
+
+    #[cfg(feature = "gzip")]
+    #[test]
+    fn two_gzip_members_read_as_one() {
+        use std::io::Write;
+        let mut bytes = Vec::new();
+        for part in ["one ", "two"] {
+            let mut encoder = flate2::write::GzEncoder::new(&mut bytes, flate2::Compression::fast());
+            encoder.write_all(part.as_bytes()).unwrap();
+            encoder.finish().unwrap();
+        }
+        let mut text = String::new();
+        decompress(&bytes[..]).unwrap().read_to_string(&mut text).unwrap();
+        assert_eq!(text, "one two");
+    }
+}

@@ -1,0 +1,188 @@
+//! Captures: bytes to frames.
+//!
+//! ```text
+//! bytes ─Reader (buffer, offset)─▶ Parser of one format ─▶ Batch of frames and notices
+//! ```
+//!
+//! A [`Parser`] knows one format and nothing of files: it is given the bytes at hand and says how many
+//! it took. It is cloneable, so a place in a capture can be kept and returned to. [`Reader`] owns the
+//! source and the one reused buffer. Formats are found by content, never by suffix.
+//!
+//! A line or record that cannot be read becomes a [`Notice`]; reading goes on behind it.
+
+mod batch;
+mod calendar;
+mod candump;
+mod compression;
+mod reader;
+mod text;
+
+use std::fmt;
+
+pub use batch::{BATCH_FRAMES, Batch, Item};
+pub use candump::TimeStyle;
+pub use compression::decompress;
+pub use reader::{Position, Reader};
+
+/// Input a parser may be asked to look at before it must take some: longer lines and records are
+/// skipped by it piece by piece.
+pub const LARGEST_RECORD: usize = 128 * 1024;
+
+/// How many buses one capture may name; frames of further ones are unreadable.
+pub const MAX_BUSES: usize = 64;
+
+/// Bytes of a bus name that are kept.
+pub const MAX_BUS_NAME: usize = 32;
+
+/// Where in a capture something stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// Line of a text capture, from 1.
+    Line(u64),
+    /// Byte offset of a binary capture, from 0, after decompression.
+    Offset(u64),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line(line) => write!(f, "line {line}"),
+            Self::Offset(offset) => write!(f, "byte {offset}"),
+        }
+    }
+}
+
+/// What a reader has to say besides frames. Texts may hold bytes of the capture: escape before printing.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Notice {
+    /// A line or record that is no frame although it should be one.
+    Unreadable {
+        /// Where it stands.
+        place: Place,
+        /// What was found and what was expected.
+        reason: String,
+    },
+    /// Something assumed of the whole capture, said once ("times read as UTC").
+    Assumption(String),
+    /// The recorder itself says that frames were lost here.
+    LostFrames {
+        /// Where it says so.
+        place: Place,
+        /// How many, if it says.
+        count: Option<u64>,
+    },
+}
+
+impl fmt::Display for Notice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unreadable { place, reason } => write!(f, "{place}: {reason}"),
+            Self::Assumption(text) => f.write_str(text),
+            Self::LostFrames { place, count: Some(count) } => write!(f, "{place}: {count} frames lost"),
+            Self::LostFrames { place, count: None } => write!(f, "{place}: frames lost"),
+        }
+    }
+}
+
+/// Why a capture cannot be read at all, or no further.
+#[derive(Debug, thiserror::Error)]
+pub enum CaptureError {
+    /// The source failed.
+    #[error("reading failed: {0}")]
+    Io(#[from] std::io::Error),
+    /// No format's reader knows these bytes.
+    #[error("not a capture in a known format ({known}); it begins with {found}")]
+    Unrecognised {
+        /// Titles of the formats that were tried.
+        known: String,
+        /// The first bytes, printable.
+        found: String,
+    },
+    /// The format is known but its header cannot be used.
+    #[error("{format}: byte {offset}: found {found}, expected {expected}")]
+    Header {
+        /// Title of the format.
+        format: &'static str,
+        /// Byte offset in the decompressed capture.
+        offset: u64,
+        /// What stands there.
+        found: String,
+        /// What should stand there.
+        expected: &'static str,
+    },
+    /// No bytes at all.
+    #[error("the capture is empty")]
+    Empty,
+}
+
+/// How to read what a capture leaves open.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct ReadOptions {
+    /// What candump's relative times mean; `None` finds out from the first 1,000 lines.
+    pub time_style: Option<TimeStyle>,
+}
+
+/// Names of the buses of one capture, in order of appearance.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct BusNames(Vec<String>);
+
+impl BusNames {
+    /// Names in order of their index.
+    pub fn names(&self) -> &[String] {
+        &self.0
+    }
+
+    /// Index of `name`, added if new; `None` when [`MAX_BUSES`] are known.
+    /// Names longer than [`MAX_BUS_NAME`] bytes are cut; bytes that are no UTF-8 are replaced.
+    pub fn index_of(&mut self, name: &[u8]) -> Option<crate::frame::BusIndex> {
+        let name = String::from_utf8_lossy(name.get(..MAX_BUS_NAME).unwrap_or(name));
+        let index = match self.0.iter().position(|known| *known == name) {
+            Some(index) => index,
+            None if self.0.len() < MAX_BUSES => {
+                self.0.push(name.into_owned());
+                self.0.len() - 1
+            }
+            None => return None,
+        };
+        u8::try_from(index).ok().map(crate::frame::BusIndex)
+    }
+}
+
+/// Reader of one format: takes bytes, gives frames. Holds no source, so that it can be cloned.
+pub trait Parser: Send {
+    /// Takes frames from the front of `input` into `batch` until either runs out; returns how many
+    /// bytes it took. `at_end` says that nothing follows `input`.
+    ///
+    /// Taking nothing asks for more input; given [`LARGEST_RECORD`] bytes, or `at_end` with any, it
+    /// takes some.
+    ///
+    /// # Errors
+    /// Only where no later byte can be read either.
+    fn parse(&mut self, input: &[u8], at_end: bool, batch: &mut Batch) -> Result<usize, CaptureError>;
+
+    /// Buses seen so far.
+    fn buses(&self) -> &BusNames;
+
+    /// A copy at the same place.
+    fn clone_box(&self) -> Box<dyn Parser>;
+}
+
+/// One readable format.
+pub struct Format {
+    /// Short name, as options take it.
+    pub name: &'static str,
+    /// What people call it.
+    pub title: &'static str,
+    /// Whether the first bytes of a capture (up to 64 KiB) look like it.
+    pub detect: fn(&[u8]) -> bool,
+    /// A parser at the start of a capture.
+    pub parser: fn(&ReadOptions) -> Box<dyn Parser>,
+}
+
+/// All formats, binary before text, strict before lenient: the first that recognises a capture reads it.
+pub const FORMATS: &[Format] = &[candump::FORMAT];
+
+/// The format that recognises these first bytes.
+pub fn detect(head: &[u8]) -> Option<&'static Format> {
+    FORMATS.iter().find(|format| (format.detect)(head))
+}

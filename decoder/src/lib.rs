@@ -1,0 +1,4 @@
+//! CAN captures to annotated CANopen events.
+pub mod capture;
+pub mod frame;
+pub mod wire;

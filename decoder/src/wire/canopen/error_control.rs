@@ -1,0 +1,50 @@
+//! Error control (CiA 301 §7.2.8.3.2): heartbeat, boot-up and node guarding on 0x700 + node-ID.
+//!
+//! ```text
+//! byte 0  bit 7 toggle (guarding; 0 in a heartbeat)  bits 6..0 NMT state, 0 = boot-up
+//! ```
+
+use super::NmtState;
+use crate::wire::Malformed;
+
+/// The producer's byte.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ErrorControl {
+    /// Bit 7.
+    pub toggle: bool,
+    /// The state, if the code is one CiA 301 defines.
+    pub state: Option<NmtState>,
+    /// The code as sent, seven bits.
+    pub code: u8,
+}
+
+/// Reads the byte; further bytes are ignored.
+///
+/// # Errors
+/// No byte at all.
+pub fn parse(data: &[u8]) -> Result<ErrorControl, Malformed> {
+    let [byte, ..] = *data else { return Err(Malformed::at("error-control", 0, 1, 0)) };
+    let code = byte & 0x7F;
+    Ok(ErrorControl { toggle: byte & 0x80 != 0, state: NmtState::from_code(code), code })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn state_and_toggle() {
+        // 0x85: toggle set, operational.
+        let byte = parse(&[0x85]).unwrap();
+        assert!(byte.toggle);
+        assert_eq!(byte.state, Some(NmtState::Operational));
+        assert_eq!(parse(&[0x00]).unwrap().state, Some(NmtState::Initialising));
+        assert_eq!(parse(&[0x7F]).unwrap().state, Some(NmtState::PreOperational));
+    }
+
+    #[test]
+    fn an_undefined_state_keeps_its_code() {
+        assert_eq!(parse(&[0x06]).unwrap(), ErrorControl { toggle: false, state: None, code: 6 });
+        assert!(parse(&[]).is_err());
+    }
+}

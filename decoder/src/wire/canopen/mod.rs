@@ -1,0 +1,76 @@
+//! Messages of CiA 301 and CiA 305, one service a file.
+
+pub mod emcy;
+pub mod error_control;
+pub mod lss;
+pub mod nmt;
+pub mod sdo;
+pub mod sync;
+pub mod time;
+
+use std::fmt;
+
+/// NMT state of a node (CiA 301 §7.3.2).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum NmtState {
+    /// Between a reset and the boot-up message; on the wire state 0.
+    Initialising,
+    /// State 4.
+    Stopped,
+    /// State 5.
+    Operational,
+    /// State 127.
+    PreOperational,
+}
+
+impl NmtState {
+    /// The state a heartbeat or guarding reply names in its low seven bits.
+    pub const fn from_code(code: u8) -> Option<Self> {
+        match code {
+            0 => Some(Self::Initialising),
+            4 => Some(Self::Stopped),
+            5 => Some(Self::Operational),
+            127 => Some(Self::PreOperational),
+            _ => None,
+        }
+    }
+
+    /// The name used in all output.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Initialising => "initialising",
+            Self::Stopped => "stopped",
+            Self::Operational => "operational",
+            Self::PreOperational => "pre-operational",
+        }
+    }
+}
+
+impl fmt::Display for NmtState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// Address of an object dictionary entry.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ObjectAddress {
+    /// Index, 0..=0xFFFF.
+    pub index: u16,
+    /// Sub-index.
+    pub sub: u8,
+}
+
+impl ObjectAddress {
+    /// An address.
+    pub const fn new(index: u16, sub: u8) -> Self {
+        Self { index, sub }
+    }
+}
+
+/// `1018:01`, as all text output writes it.
+impl fmt::Display for ObjectAddress {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:04X}:{:02X}", self.index, self.sub)
+    }
+}

@@ -1,0 +1,462 @@
+//! SDO (CiA 301 §7.2.4.3): one object, read or written, in up to three ways.
+//!
+//! ```text
+//! byte 0  command specifier (bits 7..5) and flags   bytes 1..3 index   byte 3 sub-index   bytes 4..8 data
+//! ```
+//!
+//! The same byte means different things by sender and by phase: within the segments of a block transfer
+//! every first byte but 0x80 is a sequence number, so 0x81 is the last segment and no abort. The caller
+//! knows sender and phase and states them.
+
+use nom::Parser;
+use nom::bytes::complete::take;
+use nom::number::complete::{le_u16, le_u32, u8 as byte};
+
+use super::ObjectAddress;
+use crate::wire::Malformed;
+
+/// Who sent the frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Side {
+    /// The client: requests.
+    Client,
+    /// The server: responses.
+    Server,
+}
+
+/// What the sender may be in the middle of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Phase {
+    /// Anything but the segments of a block.
+    Commands,
+    /// The sender is within the segments of a block.
+    BlockSegments,
+}
+
+/// What an initiate message carries.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Payload<'a> {
+    /// The data itself, at most four bytes.
+    Expedited {
+        /// The bytes; all that were sent where the size is not indicated.
+        data: &'a [u8],
+        /// Whether the message says how many bytes count.
+        sized: bool,
+    },
+    /// Segments follow.
+    Segmented {
+        /// Size in bytes, if indicated.
+        size: Option<u32>,
+    },
+}
+
+/// One SDO message.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sdo<'a> {
+    /// Client: write an object (specifier 1).
+    InitiateDownload {
+        /// Object to write.
+        object: ObjectAddress,
+        /// Data or size.
+        payload: Payload<'a>,
+    },
+    /// Server: object accepted (3).
+    DownloadInitiated {
+        /// Object.
+        object: ObjectAddress,
+    },
+    /// Client: data of a segmented download (0).
+    DownloadSegment(Segment<'a>),
+    /// Server: segment accepted (1).
+    DownloadSegmentAccepted {
+        /// Toggle bit.
+        toggle: bool,
+    },
+    /// Client: read an object (2).
+    InitiateUpload {
+        /// Object to read.
+        object: ObjectAddress,
+    },
+    /// Server: the object's data or size (2).
+    UploadInitiated {
+        /// Object.
+        object: ObjectAddress,
+        /// Data or size.
+        payload: Payload<'a>,
+    },
+    /// Client: asks for the next segment (3).
+    RequestUploadSegment {
+        /// Toggle bit.
+        toggle: bool,
+    },
+    /// Server: data of a segmented upload (0).
+    UploadSegment(Segment<'a>),
+    /// Client: write by blocks (6, sub 0).
+    InitiateBlockDownload {
+        /// Object to write.
+        object: ObjectAddress,
+        /// Client can make a CRC.
+        crc: bool,
+        /// Size in bytes, if indicated.
+        size: Option<u32>,
+    },
+    /// Server: ready for blocks (5, sub 0).
+    BlockDownloadInitiated {
+        /// Object.
+        object: ObjectAddress,
+        /// Server can make a CRC.
+        crc: bool,
+        /// Segments a block, 1..=127.
+        block_size: u8,
+    },
+    /// Server: block acknowledged (5, sub 2).
+    BlockDownloadAcknowledged {
+        /// Last segment received in order.
+        sequence: u8,
+        /// Segments of the next block.
+        block_size: u8,
+    },
+    /// Client: all sent (6, sub 1).
+    EndBlockDownload(BlockEnd),
+    /// Server: all received (5, sub 1).
+    BlockDownloadEnded,
+    /// Client: read by blocks (5, sub 0).
+    InitiateBlockUpload {
+        /// Object to read.
+        object: ObjectAddress,
+        /// Client can make a CRC.
+        crc: bool,
+        /// Segments a block, 1..=127.
+        block_size: u8,
+        /// Up to this many bytes the server may choose segmented transfer instead.
+        switch_threshold: u8,
+    },
+    /// Server: will send blocks (6, sub 0).
+    BlockUploadInitiated {
+        /// Object.
+        object: ObjectAddress,
+        /// Server can make a CRC.
+        crc: bool,
+        /// Size in bytes, if indicated.
+        size: Option<u32>,
+    },
+    /// Client: begin (5, sub 3).
+    StartBlockUpload,
+    /// Client: block acknowledged (5, sub 2).
+    BlockUploadAcknowledged {
+        /// Last segment received in order.
+        sequence: u8,
+        /// Segments of the next block.
+        block_size: u8,
+    },
+    /// Server: all sent (6, sub 1).
+    EndBlockUpload(BlockEnd),
+    /// Client: all received (5, sub 1).
+    BlockUploadEnded,
+    /// Either: a segment within a block.
+    BlockSegment {
+        /// 1..=127, from 1 in each block; 0 is invalid.
+        sequence: u8,
+        /// No segment follows.
+        last: bool,
+        /// Seven bytes; how many of the last segment's count, the end message says.
+        data: &'a [u8],
+    },
+    /// Either: transfer ended with an error (4).
+    Abort {
+        /// Object the sender names.
+        object: ObjectAddress,
+        /// Abort code.
+        code: u32,
+    },
+    /// A command byte CiA 301 does not define for this sender.
+    Unknown {
+        /// The byte.
+        command: u8,
+    },
+}
+
+/// A segment of a segmented transfer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Segment<'a> {
+    /// Toggle bit: clear in the first segment, then alternating.
+    pub toggle: bool,
+    /// No segment follows.
+    pub last: bool,
+    /// One to seven bytes (none is allowed for an empty object).
+    pub data: &'a [u8],
+}
+
+/// End of a block transfer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BlockEnd {
+    /// Bytes of the last segment that do not count, 0..=7.
+    pub unused: u8,
+    /// CRC-16 over the object's bytes (meaningful if both sides offered it).
+    pub crc: u16,
+}
+
+/// Exactly this first byte, in a frame of eight bytes, is an abort in every phase.
+const ABORT: u8 = 0x80;
+
+/// Reads one message.
+///
+/// # Errors
+/// When the message is shorter than its command needs. Messages of fewer than eight bytes that hold all
+/// they need are accepted.
+pub fn parse(data: &[u8], side: Side, phase: Phase) -> Result<Sdo<'_>, Malformed> {
+    let [command, rest @ ..] = data else { return Err(Malformed::at("sdo", 0, 1, 0)) };
+    let command = *command;
+    let parsed = match (phase, command) {
+        (Phase::BlockSegments, ABORT) if data.len() >= 8 => abort(rest),
+        (Phase::BlockSegments, _) => {
+            return Ok(Sdo::BlockSegment { sequence: command & 0x7F, last: command & 0x80 != 0, data: rest });
+        }
+        (Phase::Commands, ABORT) => abort(rest),
+        (Phase::Commands, _) => match side {
+            Side::Client => client(command, rest),
+            Side::Server => server(command, rest),
+        },
+    };
+    parsed.map(|(_, message)| message).map_err(|missing| match missing {
+        nom::Err::Incomplete(_) => Malformed::at("sdo", data.len(), 1, data.len()),
+        nom::Err::Error(error) | nom::Err::Failure(error) => {
+            let offset = data.len().saturating_sub(error.input.len());
+            Malformed::at("sdo", offset, needed(error.code), data.len())
+        }
+    })
+}
+
+/// Bytes the failed part takes: a code or size has four, the multiplexer's index two.
+fn needed(kind: nom::error::ErrorKind) -> usize {
+    if kind == nom::error::ErrorKind::Eof { 1 } else { 4 }
+}
+
+type Parsed<'a> = nom::IResult<&'a [u8], Sdo<'a>>;
+
+fn client(command: u8, rest: &[u8]) -> Parsed<'_> {
+    match command >> 5 {
+        0 => segment(command, rest).map(|(rest, segment)| (rest, Sdo::DownloadSegment(segment))),
+        1 => {
+            let (rest, object) = multiplexer(rest)?;
+            let (rest, payload) = payload(command, rest)?;
+            Ok((rest, Sdo::InitiateDownload { object, payload }))
+        }
+        2 => multiplexer(rest).map(|(rest, object)| (rest, Sdo::InitiateUpload { object })),
+        3 => Ok((rest, Sdo::RequestUploadSegment { toggle: command & 0x10 != 0 })),
+        5 => client_block_upload(command, rest),
+        6 if command & 1 == 0 => {
+            let (rest, object) = multiplexer(rest)?;
+            let (rest, size) = block_size_indication(command, rest)?;
+            Ok((rest, Sdo::InitiateBlockDownload { object, crc: command & 4 != 0, size }))
+        }
+        6 => block_end(command, rest).map(|(rest, end)| (rest, Sdo::EndBlockDownload(end))),
+        _ => Ok((rest, Sdo::Unknown { command })),
+    }
+}
+
+fn client_block_upload(command: u8, rest: &[u8]) -> Parsed<'_> {
+    match command & 3 {
+        0 => {
+            let (rest, object) = multiplexer(rest)?;
+            let (rest, (block_size, switch_threshold)) = (byte, byte).parse(rest)?;
+            let crc = command & 4 != 0;
+            Ok((rest, Sdo::InitiateBlockUpload { object, crc, block_size, switch_threshold }))
+        }
+        1 => Ok((rest, Sdo::BlockUploadEnded)),
+        2 => {
+            let (rest, (sequence, block_size)) = (byte, byte).parse(rest)?;
+            Ok((rest, Sdo::BlockUploadAcknowledged { sequence, block_size }))
+        }
+        _ => Ok((rest, Sdo::StartBlockUpload)),
+    }
+}
+
+fn server(command: u8, rest: &[u8]) -> Parsed<'_> {
+    match command >> 5 {
+        0 => segment(command, rest).map(|(rest, segment)| (rest, Sdo::UploadSegment(segment))),
+        1 => Ok((rest, Sdo::DownloadSegmentAccepted { toggle: command & 0x10 != 0 })),
+        2 => {
+            let (rest, object) = multiplexer(rest)?;
+            let (rest, payload) = payload(command, rest)?;
+            Ok((rest, Sdo::UploadInitiated { object, payload }))
+        }
+        3 => multiplexer(rest).map(|(rest, object)| (rest, Sdo::DownloadInitiated { object })),
+        5 => server_block_download(command, rest),
+        6 if command & 1 == 0 => {
+            let (rest, object) = multiplexer(rest)?;
+            let (rest, size) = block_size_indication(command, rest)?;
+            Ok((rest, Sdo::BlockUploadInitiated { object, crc: command & 4 != 0, size }))
+        }
+        6 => block_end(command, rest).map(|(rest, end)| (rest, Sdo::EndBlockUpload(end))),
+        _ => Ok((rest, Sdo::Unknown { command })),
+    }
+}
+
+fn server_block_download(command: u8, rest: &[u8]) -> Parsed<'_> {
+    match command & 3 {
+        0 => {
+            let (rest, object) = multiplexer(rest)?;
+            let (rest, block_size) = byte(rest)?;
+            Ok((rest, Sdo::BlockDownloadInitiated { object, crc: command & 4 != 0, block_size }))
+        }
+        1 => Ok((rest, Sdo::BlockDownloadEnded)),
+        2 => {
+            let (rest, (sequence, block_size)) = (byte, byte).parse(rest)?;
+            Ok((rest, Sdo::BlockDownloadAcknowledged { sequence, block_size }))
+        }
+        _ => Ok((rest, Sdo::Unknown { command })),
+    }
+}
+
+fn abort(rest: &[u8]) -> Parsed<'_> {
+    let (rest, object) = multiplexer(rest)?;
+    let (rest, code) = le_u32(rest)?;
+    Ok((rest, Sdo::Abort { object, code }))
+}
+
+fn multiplexer(rest: &[u8]) -> nom::IResult<&[u8], ObjectAddress> {
+    (le_u16, byte).map(|(index, sub)| ObjectAddress { index, sub }).parse(rest)
+}
+
+/// Bits 3..2 n, bit 1 e, bit 0 s of an initiate message.
+fn payload(command: u8, rest: &[u8]) -> nom::IResult<&[u8], Payload<'_>> {
+    let (expedited, sized) = (command & 2 != 0, command & 1 != 0);
+    if !expedited {
+        let (rest, size) = if sized { le_u32.map(Some).parse(rest)? } else { (rest, None) };
+        return Ok((rest, Payload::Segmented { size }));
+    }
+    let available = rest.len().min(4);
+    let wanted = if sized { 4 - usize::from(command >> 2 & 3) } else { available };
+    let (rest, data) = take(wanted).parse(rest)?;
+    Ok((rest, Payload::Expedited { data, sized }))
+}
+
+/// Bit 4 toggle, bits 3..1 n, bit 0 c.
+fn segment(command: u8, rest: &[u8]) -> nom::IResult<&[u8], Segment<'_>> {
+    let wanted = 7 - usize::from(command >> 1 & 7);
+    let (rest, data) = take(wanted).parse(rest)?;
+    Ok((rest, Segment { toggle: command & 0x10 != 0, last: command & 1 != 0, data }))
+}
+
+fn block_size_indication(command: u8, rest: &[u8]) -> nom::IResult<&[u8], Option<u32>> {
+    if command & 2 == 0 { Ok((rest, None)) } else { le_u32.map(Some).parse(rest) }
+}
+
+/// Bits 4..2 n; bytes 1..3 CRC.
+fn block_end(command: u8, rest: &[u8]) -> nom::IResult<&[u8], BlockEnd> {
+    let (rest, crc) = le_u16(rest)?;
+    Ok((rest, BlockEnd { unused: command >> 2 & 7, crc }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const OBJECT: ObjectAddress = ObjectAddress::new(0x1017, 0);
+
+    fn client(data: &[u8]) -> Sdo<'_> {
+        parse(data, Side::Client, Phase::Commands).unwrap()
+    }
+
+    fn server(data: &[u8]) -> Sdo<'_> {
+        parse(data, Side::Server, Phase::Commands).unwrap()
+    }
+
+    #[test]
+    fn expedited_download_with_size() {
+        // 0x2B: specifier 1, n = 2, e, s; 1017:00; 1000 = 0x03E8.
+        let expected = Payload::Expedited { data: &[0xE8, 0x03], sized: true };
+        assert_eq!(
+            client(&[0x2B, 0x17, 0x10, 0x00, 0xE8, 0x03, 0, 0]),
+            Sdo::InitiateDownload { object: OBJECT, payload: expected }
+        );
+        assert_eq!(server(&[0x60, 0x17, 0x10, 0, 0, 0, 0, 0]), Sdo::DownloadInitiated { object: OBJECT });
+    }
+
+    #[test]
+    fn expedited_without_size_gives_all_bytes_sent() {
+        // 0x22: e without s; a short frame of six bytes holds two.
+        let expected = Payload::Expedited { data: &[0xE8, 0x03], sized: false };
+        assert_eq!(
+            client(&[0x22, 0x17, 0x10, 0x00, 0xE8, 0x03]),
+            Sdo::InitiateDownload { object: OBJECT, payload: expected }
+        );
+    }
+
+    #[test]
+    fn segments_hold_seven_less_n() {
+        // 0x15: upload segment, toggle set, n = 2, last.
+        assert_eq!(
+            server(&[0x15, 1, 2, 3, 4, 5, 0, 0]),
+            Sdo::UploadSegment(Segment { toggle: true, last: true, data: &[1, 2, 3, 4, 5] })
+        );
+        assert_eq!(client(&[0x70, 0, 0, 0, 0, 0, 0, 0]), Sdo::RequestUploadSegment { toggle: true });
+    }
+
+    #[test]
+    fn within_a_block_only_0x80_is_an_abort() {
+        let block = |data| parse(data, Side::Server, Phase::BlockSegments).unwrap();
+        assert_eq!(
+            block(&[0x81, 1, 2, 3, 4, 5, 6, 7]),
+            Sdo::BlockSegment { sequence: 1, last: true, data: &[1, 2, 3, 4, 5, 6, 7] }
+        );
+        let code = 0x0504_0000;
+        assert_eq!(block(&[0x80, 0x17, 0x10, 0, 0, 0, 4, 5]), Sdo::Abort { object: OBJECT, code });
+        assert!(matches!(
+            block(&[0xC1, 0, 0, 0, 0, 0, 0, 0]),
+            Sdo::BlockSegment { sequence: 0x41, last: true, .. }
+        ));
+    }
+
+    #[test]
+    fn outside_a_block_0x81_is_no_abort_either() {
+        assert_eq!(server(&[0x81, 1, 2, 3, 4, 5, 6, 7]), Sdo::Unknown { command: 0x81 });
+    }
+
+    #[test]
+    fn block_download_messages() {
+        // 0xC6: initiate, CRC offered, size indicated: 16.
+        assert_eq!(
+            client(&[0xC6, 0x17, 0x10, 0, 16, 0, 0, 0]),
+            Sdo::InitiateBlockDownload { object: OBJECT, crc: true, size: Some(16) }
+        );
+        assert_eq!(
+            server(&[0xA4, 0x17, 0x10, 0, 127, 0, 0, 0]),
+            Sdo::BlockDownloadInitiated { object: OBJECT, crc: true, block_size: 127 }
+        );
+        assert_eq!(
+            server(&[0xA2, 3, 127, 0, 0, 0, 0, 0]),
+            Sdo::BlockDownloadAcknowledged { sequence: 3, block_size: 127 }
+        );
+        // 0xD5: end, n = 5, CRC 0x1234.
+        assert_eq!(
+            client(&[0xD5, 0x34, 0x12, 0, 0, 0, 0, 0]),
+            Sdo::EndBlockDownload(BlockEnd { unused: 5, crc: 0x1234 })
+        );
+        assert_eq!(server(&[0xA1, 0, 0, 0, 0, 0, 0, 0]), Sdo::BlockDownloadEnded);
+    }
+
+    #[test]
+    fn block_upload_messages() {
+        assert_eq!(
+            client(&[0xA4, 0x17, 0x10, 0, 32, 0, 0, 0]),
+            Sdo::InitiateBlockUpload { object: OBJECT, crc: true, block_size: 32, switch_threshold: 0 }
+        );
+        assert_eq!(client(&[0xA3, 0, 0, 0, 0, 0, 0, 0]), Sdo::StartBlockUpload);
+        assert_eq!(client(&[0xA1, 0, 0, 0, 0, 0, 0, 0]), Sdo::BlockUploadEnded);
+        assert_eq!(
+            server(&[0xC2, 0x17, 0x10, 0, 9, 0, 0, 0]),
+            Sdo::BlockUploadInitiated { object: OBJECT, crc: false, size: Some(9) }
+        );
+    }
+
+    #[test]
+    fn too_short_says_where_and_how_much() {
+        let error = parse(&[0x40, 0x17], Side::Client, Phase::Commands).unwrap_err();
+        assert_eq!(error.layer, "sdo");
+        assert_eq!((error.offset, error.available), (1, 1));
+        assert!(parse(&[0x80, 0, 0, 0], Side::Server, Phase::Commands).is_err());
+        assert!(parse(&[], Side::Client, Phase::Commands).is_err());
+    }
+}

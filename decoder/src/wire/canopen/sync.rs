@@ -1,0 +1,20 @@
+//! SYNC (CiA 301 §7.2.5.3): identifier 0x80 by default, empty or one counter byte.
+
+/// The counter, 1..=240, if there is one.
+pub const fn parse(data: &[u8]) -> Option<u8> {
+    match data {
+        [counter, ..] => Some(*counter),
+        [] => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn with_and_without_counter() {
+        assert_eq!(parse(&[]), None);
+        assert_eq!(parse(&[240]), Some(240));
+    }
+}
