@@ -1,0 +1,155 @@
+//! The predefined connection set (CiA 301 §7.3.3): what an 11-bit identifier means by default.
+
+use std::sync::OnceLock;
+
+use serde::Deserialize;
+
+use super::layout::{PdoDirection, PdoName};
+use super::parse;
+use crate::wire::canopen::sdo::Side;
+
+/// Service and node of an identifier.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Owner {
+    /// Nothing the connection set knows.
+    Unclassified,
+    /// A service that is named but not decoded: GFC, SRDO, flying master.
+    Named(&'static str),
+    /// NMT node control.
+    Nmt,
+    /// SYNC.
+    Sync,
+    /// TIME.
+    Time,
+    /// EMCY of a node.
+    Emcy(u8),
+    /// A PDO of a node.
+    Pdo(PdoName, u8),
+    /// The default SDO channel of a node.
+    Sdo(Side, u8),
+    /// Heartbeat, boot-up, guarding of a node.
+    ErrorControl(u8),
+    /// LSS; `true` = from the master.
+    Lss(bool),
+}
+
+/// Owners of all 2,048 identifiers.
+pub struct ConnectionSet {
+    owners: Box<[Owner]>,
+    restricted: Vec<(u16, u16, &'static str)>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    #[serde(rename = "id", default)]
+    _id: String,
+    #[serde(rename = "title", default)]
+    _title: String,
+    #[serde(rename = "source", default)]
+    _source: String,
+    cob: Vec<Cob>,
+    restricted: Vec<Restricted>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Cob {
+    base: u16,
+    #[serde(default)]
+    to: Option<u16>,
+    nodes: bool,
+    service: String,
+    #[serde(default)]
+    number: u16,
+    #[serde(default)]
+    side: String,
+    #[serde(default, rename = "name")]
+    _name: String,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Restricted {
+    from: u16,
+    to: u16,
+    r#use: String,
+}
+
+impl ConnectionSet {
+    /// Owner of an 11-bit identifier.
+    pub fn owner(&self, id: u16) -> Owner {
+        self.owners.get(usize::from(id)).copied().unwrap_or(Owner::Unclassified)
+    }
+
+    /// Why an identifier may not be configured (CiA 301 §7.3.5), if it may not.
+    pub fn restriction(&self, id: u16) -> Option<&'static str> {
+        self.restricted.iter().find(|(from, to, _)| (*from..=*to).contains(&id)).map(|(_, _, why)| *why)
+    }
+}
+
+fn owner(cob: &Cob, node: u8) -> Owner {
+    let pdo = |direction| Owner::Pdo(PdoName { direction, number: cob.number }, node);
+    match cob.service.as_str() {
+        "nmt" => Owner::Nmt,
+        "sync" => Owner::Sync,
+        "time" => Owner::Time,
+        "emcy" => Owner::Emcy(node),
+        "tpdo" => pdo(PdoDirection::Transmit),
+        "rpdo" => pdo(PdoDirection::Receive),
+        "sdo" => Owner::Sdo(if cob.side == "client" { Side::Client } else { Side::Server }, node),
+        "error-control" => Owner::ErrorControl(node),
+        "lss" => Owner::Lss(cob.side == "master"),
+        other => Owner::Named(other.to_owned().leak()),
+    }
+}
+
+/// The predefined connection set.
+pub fn connection_set() -> &'static ConnectionSet {
+    static SET: OnceLock<ConnectionSet> = OnceLock::new();
+    SET.get_or_init(|| {
+        let file: File = parse("standard/predefined.toml");
+        let mut owners = vec![Owner::Unclassified; 2048].into_boxed_slice();
+        for cob in &file.cob {
+            let last = if cob.nodes { cob.base + 127 } else { cob.to.unwrap_or(cob.base) };
+            let first = if cob.nodes { cob.base + 1 } else { cob.base };
+            for id in first..=last {
+                let node = u8::try_from(id - cob.base).unwrap_or(0);
+                if let Some(slot) = owners.get_mut(usize::from(id)) {
+                    *slot = owner(cob, node);
+                }
+            }
+        }
+        let leak = |entry: Restricted| (entry.from, entry.to, &*entry.r#use.leak());
+        ConnectionSet { owners, restricted: file.restricted.into_iter().map(leak).collect() }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_defaults_of_node_5() {
+        let set = connection_set();
+        assert_eq!(set.owner(0x000), Owner::Nmt);
+        assert_eq!(set.owner(0x080), Owner::Sync);
+        assert_eq!(set.owner(0x085), Owner::Emcy(5));
+        assert_eq!(set.owner(0x100), Owner::Time);
+        let tpdo2 = PdoName { direction: PdoDirection::Transmit, number: 2 };
+        assert_eq!(set.owner(0x285), Owner::Pdo(tpdo2, 5));
+        assert_eq!(set.owner(0x585), Owner::Sdo(Side::Server, 5));
+        assert_eq!(set.owner(0x605), Owner::Sdo(Side::Client, 5));
+        assert_eq!(set.owner(0x705), Owner::ErrorControl(5));
+        assert_eq!(set.owner(0x7E5), Owner::Lss(true));
+        assert_eq!(set.owner(0x001), Owner::Named("gfc"));
+        assert_eq!(set.owner(0x780), Owner::Unclassified);
+        assert_eq!(set.owner(0x600), Owner::Unclassified);
+    }
+
+    #[test]
+    fn restricted_identifiers() {
+        assert_eq!(connection_set().restriction(0x6E5), Some("reserved"));
+        assert_eq!(connection_set().restriction(0x1A0), None);
+    }
+}

@@ -1,0 +1,202 @@
+//! Data types of CiA 301 §7.1.6 and the values they make of bytes.
+
+use std::fmt;
+
+use serde::Deserialize;
+
+/// Basic data types (CiA 301 table 44).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Deserialize)]
+#[serde(rename_all = "SCREAMING_SNAKE_CASE")]
+#[expect(missing_docs, reason = "the standard's own names")]
+pub enum DataType {
+    Boolean,
+    Integer8,
+    Integer16,
+    Integer24,
+    Integer32,
+    Integer40,
+    Integer48,
+    Integer56,
+    Integer64,
+    Unsigned8,
+    Unsigned16,
+    Unsigned24,
+    Unsigned32,
+    Unsigned40,
+    Unsigned48,
+    Unsigned56,
+    Unsigned64,
+    Real32,
+    Real64,
+    VisibleString,
+    OctetString,
+    UnicodeString,
+    TimeOfDay,
+    TimeDifference,
+    Domain,
+}
+
+/// What bytes mean, without unit.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Value {
+    /// BOOLEAN and UNSIGNEDn.
+    Unsigned(u64),
+    /// INTEGERn.
+    Integer(i64),
+    /// REAL32 and REAL64.
+    Real(f64),
+    /// Strings. May hold control characters: escape before printing.
+    Text(String),
+    /// Everything without a number or text: domains, times, wrong lengths.
+    Bytes(Vec<u8>),
+}
+
+/// Integers in full, reals shortest, text escaped, bytes as hex pairs.
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unsigned(value) => write!(f, "{value}"),
+            Self::Integer(value) => write!(f, "{value}"),
+            Self::Real(value) => write!(f, "{value}"),
+            Self::Text(text) => write!(f, "\"{}\"", text.escape_debug()),
+            Self::Bytes(bytes) => {
+                for (index, byte) in bytes.iter().enumerate() {
+                    let separator = if index == 0 { "" } else { " " };
+                    write!(f, "{separator}{byte:02X}")?;
+                }
+                Ok(())
+            }
+        }
+    }
+}
+
+impl DataType {
+    /// Width in bits of the types that have a fixed one.
+    pub const fn bits(self) -> Option<u16> {
+        Some(match self {
+            Self::Boolean => 1,
+            Self::Integer8 | Self::Unsigned8 => 8,
+            Self::Integer16 | Self::Unsigned16 => 16,
+            Self::Integer24 | Self::Unsigned24 => 24,
+            Self::Integer32 | Self::Unsigned32 | Self::Real32 => 32,
+            Self::Integer40 | Self::Unsigned40 => 40,
+            Self::Integer48 | Self::Unsigned48 | Self::TimeOfDay | Self::TimeDifference => 48,
+            Self::Integer56 | Self::Unsigned56 => 56,
+            Self::Integer64 | Self::Unsigned64 | Self::Real64 => 64,
+            Self::VisibleString | Self::OctetString | Self::UnicodeString | Self::Domain => return None,
+        })
+    }
+
+    /// Whether it is one of INTEGERn.
+    pub const fn is_signed(self) -> bool {
+        matches!(
+            self,
+            Self::Integer8
+                | Self::Integer16
+                | Self::Integer24
+                | Self::Integer32
+                | Self::Integer40
+                | Self::Integer48
+                | Self::Integer56
+                | Self::Integer64
+        )
+    }
+
+    /// The value of `data`, least significant byte first. Data of another length than the type's is
+    /// [`Value::Bytes`]; data that is longer by padding only (an expedited transfer without size)
+    /// counts by its first bytes.
+    pub fn decode(self, data: &[u8]) -> Value {
+        match self {
+            Self::VisibleString => return Value::Text(latin1(data)),
+            Self::UnicodeString => return Value::Text(utf16(data)),
+            _ => {}
+        }
+        let bytes = || Value::Bytes(data.to_vec());
+        let Some(bits) = self.bits() else { return bytes() };
+        let length = usize::from(bits.div_ceil(8));
+        let Some((head, padding)) = data.split_at_checked(length) else { return bytes() };
+        if padding.iter().any(|byte| *byte != 0) || matches!(self, Self::TimeOfDay | Self::TimeDifference) {
+            return bytes();
+        }
+        self.number(little_endian(head))
+    }
+
+    /// The value of a number already taken from its bits.
+    pub fn number(self, raw: u64) -> Value {
+        match self {
+            Self::Real32 => Value::Real(f64::from(f32::from_bits(u32::try_from(raw).unwrap_or(0)))),
+            Self::Real64 => Value::Real(f64::from_bits(raw)),
+            _ if self.is_signed() => Value::Integer(sign_extend(raw, self.bits().unwrap_or(64))),
+            _ => Value::Unsigned(raw),
+        }
+    }
+
+    /// The integer type of a width, for objects of unknown type.
+    pub const fn unsigned(bits: u16) -> Self {
+        match bits {
+            0..=8 => Self::Unsigned8,
+            9..=16 => Self::Unsigned16,
+            17..=24 => Self::Unsigned24,
+            25..=32 => Self::Unsigned32,
+            33..=40 => Self::Unsigned40,
+            41..=48 => Self::Unsigned48,
+            49..=56 => Self::Unsigned56,
+            _ => Self::Unsigned64,
+        }
+    }
+}
+
+/// Up to eight bytes as a number, least significant first.
+pub(crate) fn little_endian(bytes: &[u8]) -> u64 {
+    bytes.iter().take(8).rev().fold(0, |value, byte| value << 8 | u64::from(*byte))
+}
+
+/// The signed reading of the low `bits` of `raw`.
+pub(crate) const fn sign_extend(raw: u64, bits: u16) -> i64 {
+    let unused = if bits >= 64 { 0 } else { 64 - bits as u32 };
+    (raw << unused).cast_signed() >> unused
+}
+
+/// VISIBLE_STRING is ISO 646; devices also send Latin-1. A terminating zero ends it.
+fn latin1(data: &[u8]) -> String {
+    data.iter().take_while(|byte| **byte != 0).map(|byte| char::from(*byte)).collect()
+}
+
+fn utf16(data: &[u8]) -> String {
+    let units = data.chunks_exact(2).map(|pair| match pair {
+        [low, high] => u16::from_le_bytes([*low, *high]),
+        _ => 0,
+    });
+    char::decode_utf16(units.take_while(|unit| *unit != 0))
+        .map(|character| character.unwrap_or(char::REPLACEMENT_CHARACTER))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_little_endian_and_signed_by_type() {
+        assert_eq!(DataType::Unsigned16.decode(&[0xE8, 0x03]), Value::Unsigned(1000));
+        assert_eq!(DataType::Integer16.decode(&[0xB2, 0xFF]), Value::Integer(-78));
+        assert_eq!(DataType::Integer24.decode(&[0xFF, 0xFF, 0xFF]), Value::Integer(-1));
+        assert_eq!(DataType::Real32.decode(&[0, 0, 0xC0, 0x3F]), Value::Real(1.5));
+        assert_eq!(DataType::Unsigned64.decode(&[0xFF; 8]), Value::Unsigned(u64::MAX));
+    }
+
+    #[test]
+    fn padding_is_cut_but_a_wrong_length_stays_bytes() {
+        assert_eq!(DataType::Unsigned8.decode(&[5, 0, 0, 0]), Value::Unsigned(5));
+        assert_eq!(DataType::Unsigned8.decode(&[5, 1]), Value::Bytes(vec![5, 1]));
+        assert_eq!(DataType::Unsigned32.decode(&[5]), Value::Bytes(vec![5]));
+    }
+
+    #[test]
+    fn strings_end_at_zero_and_are_escaped_when_shown() {
+        let value = DataType::VisibleString.decode(b"IO\x1b[2J\0xx");
+        assert_eq!(value, Value::Text("IO\x1b[2J".into()));
+        assert_eq!(value.to_string(), "\"IO\\u{1b}[2J\"");
+        assert_eq!(DataType::UnicodeString.decode(&[0x41, 0, 0xE9, 0]), Value::Text("Aé".into()));
+    }
+}

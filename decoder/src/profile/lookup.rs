@@ -1,0 +1,240 @@
+//! Codes and bits with their texts.
+
+use std::sync::OnceLock;
+
+use serde::Deserialize;
+
+use super::parse;
+
+/// One code of a table.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Code {
+    /// The code.
+    pub code: u32,
+    /// Bits of a code that must agree; all where the table does not say.
+    #[serde(default = "all_bits")]
+    pub mask: u32,
+    /// What it means.
+    pub text: String,
+    /// What usually causes it.
+    #[serde(default)]
+    pub hint: String,
+}
+
+const fn all_bits() -> u32 {
+    u32::MAX
+}
+
+/// A table of codes.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Codes {
+    code: Vec<Code>,
+}
+
+impl Codes {
+    /// The entry that matches `code` most specifically.
+    pub fn find(&self, code: u32) -> Option<&Code> {
+        let matching = self.code.iter().filter(|entry| code & entry.mask == entry.code & entry.mask);
+        matching.max_by_key(|entry| entry.mask.count_ones())
+    }
+
+    /// Text of `code`; a plain statement where the table has none.
+    pub fn text(&self, code: u32) -> &str {
+        self.find(code).map_or("unknown code", |entry| &entry.text)
+    }
+}
+
+/// One bit or one value of a byte.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Bit {
+    #[serde(alias = "value")]
+    bit: u32,
+    name: String,
+    #[serde(default)]
+    text: String,
+}
+
+/// Named bits, or named values, of a byte.
+#[derive(Debug, Default)]
+pub struct Bits(Vec<Bit>);
+
+impl Bits {
+    /// Names of the bits set in `value`, low to high.
+    pub fn names(&self, value: u32) -> impl Iterator<Item = &str> {
+        self.0.iter().filter(move |entry| value & entry.bit != 0).map(|entry| entry.name.as_str())
+    }
+
+    /// Plain texts of the bits set in `value`, low to high.
+    pub fn texts(&self, value: u32) -> impl Iterator<Item = &str> {
+        self.0.iter().filter(move |entry| value & entry.bit != 0).map(|entry| {
+            if entry.text.is_empty() { entry.name.as_str() } else { entry.text.as_str() }
+        })
+    }
+
+    /// Plain text of the entry that equals `value`.
+    pub fn text_of(&self, value: u32) -> Option<&str> {
+        self.0.iter().find(|entry| entry.bit == value).map(|entry| entry.text.as_str())
+    }
+}
+
+/// SDO abort codes (CiA 301 §7.2.4.3.17).
+pub fn abort_codes() -> &'static Codes {
+    static TABLE: OnceLock<Codes> = OnceLock::new();
+    TABLE.get_or_init(|| parse("lookups/sdo_abort_codes.toml"))
+}
+
+/// EMCY error codes and classes (CiA 301 §7.2.7.1).
+pub fn emcy_codes() -> &'static Codes {
+    static TABLE: OnceLock<Codes> = OnceLock::new();
+    TABLE.get_or_init(|| parse("lookups/emcy_codes.toml"))
+}
+
+/// Bits of the error register, object 0x1001.
+pub fn error_register() -> &'static Bits {
+    #[derive(Default, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct File {
+        bit: Vec<Bit>,
+    }
+    static TABLE: OnceLock<Bits> = OnceLock::new();
+    TABLE.get_or_init(|| {
+        // This table counts bits, the others give masks.
+        let file: File = parse("lookups/error_register.toml");
+        Bits(file.bit.into_iter().map(|entry| Bit { bit: 1 << (entry.bit & 31), ..entry }).collect())
+    })
+}
+
+/// Names in SocketCAN error frames.
+#[derive(Debug, Default)]
+pub struct CanErrors {
+    /// Class bits of the identifier.
+    pub classes: Bits,
+    /// Controller byte.
+    pub controller: Bits,
+    /// Protocol byte.
+    pub protocol: Bits,
+    /// Location byte, values.
+    pub location: Bits,
+    /// Transceiver byte, values.
+    pub transceiver: Bits,
+}
+
+/// SocketCAN's error classes and details (linux/can/error.h).
+pub fn can_errors() -> &'static CanErrors {
+    #[derive(Default, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct File {
+        class: Vec<Bit>,
+        controller: Vec<Bit>,
+        protocol: Vec<Bit>,
+        location: Vec<Bit>,
+        transceiver: Vec<Bit>,
+    }
+    static TABLE: OnceLock<CanErrors> = OnceLock::new();
+    TABLE.get_or_init(|| {
+        let file: File = parse("lookups/can_error_classes.toml");
+        CanErrors {
+            classes: Bits(file.class),
+            controller: Bits(file.controller),
+            protocol: Bits(file.protocol),
+            location: Bits(file.location),
+            transceiver: Bits(file.transceiver),
+        }
+    })
+}
+
+#[derive(Debug, Clone, Deserialize)]
+struct Service {
+    code: u8,
+    name: String,
+    title: String,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+struct LssResult {
+    service: u8,
+    code: u8,
+    text: String,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+struct BitRate {
+    index: u8,
+    #[serde(default)]
+    kbit: Option<u32>,
+    #[serde(default)]
+    auto: bool,
+}
+
+/// Names of LSS services, results and bit rates (CiA 305).
+#[derive(Debug, Default, Deserialize)]
+pub struct LssNames {
+    service: Vec<Service>,
+    result: Vec<LssResult>,
+    bit_rate: Vec<BitRate>,
+}
+
+impl LssNames {
+    /// Name of a command specifier as output writes it.
+    pub fn service(&self, code: u8) -> &str {
+        self.service.iter().find(|entry| entry.code == code).map_or("unknown", |entry| &entry.name)
+    }
+
+    /// Readable title of a command specifier.
+    pub fn title(&self, code: u8) -> &str {
+        self.service.iter().find(|entry| entry.code == code).map_or("unknown service", |entry| &entry.title)
+    }
+
+    /// Text of the result of a configuration service.
+    pub fn result(&self, service: u8, code: u8) -> &str {
+        let found = self.result.iter().find(|entry| entry.service == service && entry.code == code);
+        found.map_or("unknown result", |entry| &entry.text)
+    }
+
+    /// Bit rate of an entry of table 0, in kbit/s.
+    pub fn bit_rate(&self, entry: u8) -> Option<u32> {
+        self.bit_rate.iter().find(|rate| rate.index == entry && !rate.auto).and_then(|rate| rate.kbit)
+    }
+}
+
+/// Names of CiA 305.
+pub fn lss() -> &'static LssNames {
+    static TABLE: OnceLock<LssNames> = OnceLock::new();
+    TABLE.get_or_init(|| parse("standard/cia305.toml"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn abort_codes_have_texts() {
+        assert_eq!(abort_codes().text(0x0602_0000), "object does not exist");
+        assert_eq!(abort_codes().text(0x1234_5678), "unknown code");
+    }
+
+    #[test]
+    fn the_most_specific_emcy_entry_wins() {
+        assert_eq!(emcy_codes().text(0x8130), "heartbeat or life-guard error");
+        assert_eq!(emcy_codes().text(0x8199), "communication");
+    }
+
+    #[test]
+    fn register_bits_and_error_classes() {
+        let names: Vec<_> = error_register().names(0x11).collect();
+        assert_eq!(names, ["generic", "communication"]);
+        let classes: Vec<_> = can_errors().classes.names(0x0C).collect();
+        assert_eq!(classes, ["controller", "protocol"]);
+        assert!(can_errors().location.text_of(0x19).is_some());
+    }
+
+    #[test]
+    fn lss_names() {
+        assert_eq!(lss().service(0x51), "fast-scan");
+        assert_eq!(lss().bit_rate(0), Some(1000));
+        assert_ne!(lss().result(0x11, 1), "unknown result");
+    }
+}

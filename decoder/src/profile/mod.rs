@@ -1,0 +1,46 @@
+//! Meaning as data: object names and types, code texts, the connection set, PDO layouts.
+//!
+//! The TOML files below `decoder/profiles/` are part of the binary as text. Each is parsed when the
+//! first question to it is asked, never at start.
+
+mod connection_set;
+mod data_type;
+mod dictionary;
+mod layout;
+mod lookup;
+
+pub use connection_set::{ConnectionSet, Owner, connection_set};
+pub use data_type::{DataType, Value};
+pub use dictionary::{Dictionary, Format, ObjectEntry, communication_objects};
+pub use layout::{Field, Layout, PdoDirection, PdoName, RawValue, Signal};
+pub use lookup::{Bits, CanErrors, Code, Codes, LssNames, abort_codes, can_errors, emcy_codes, error_register, lss};
+
+mod embedded {
+    include!(concat!(env!("OUT_DIR"), "/profiles.rs"));
+}
+
+/// Text of an embedded file; empty if there is none of that path, which a test excludes.
+fn embedded(path: &str) -> &'static str {
+    embedded::FILES.iter().find(|(name, _)| *name == path).map_or("", |(_, text)| text)
+}
+
+/// Parses an embedded file. Broken data ships in no build: a test parses every file, so the fallback
+/// to an empty table is never taken.
+fn parse<T: serde::de::DeserializeOwned + Default>(path: &str) -> T {
+    toml::from_str(embedded(path)).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_embedded_file_is_toml() {
+        assert!(embedded::FILES.len() >= 9);
+        for (path, text) in embedded::FILES {
+            if let Err(error) = toml::from_str::<toml::Table>(text) {
+                panic!("{path}: {error}");
+            }
+        }
+    }
+}
