@@ -1,0 +1,126 @@
+//! The decoder: the only place that knows every stage.
+
+use std::sync::Arc;
+
+use crate::event::{Event, EventKind, FrameRange, Protocol};
+use crate::frame::{Frame, Timestamp};
+use crate::session::{Bus, Observer, SessionOptions};
+
+use crate::capture::{BusNames, Notice, Place};
+
+/// Unreadable lines that are shown one by one; the rest is counted.
+pub const SHOWN_UNREADABLE: u64 = 10;
+
+/// Frames of one capture to events. A clone is a checkpoint: decoding on from it gives what decoding
+/// from the start gives.
+#[derive(Debug, Clone)]
+pub struct Decoder {
+    options: Arc<SessionOptions>,
+    buses: Vec<Bus>,
+    unreadable: u64,
+    last_time: Option<Timestamp>,
+    last_frame: u64,
+}
+
+impl Decoder {
+    /// A decoder that has seen nothing.
+    pub fn new(options: SessionOptions) -> Self {
+        Self { options: Arc::new(options), buses: Vec::new(), unreadable: 0, last_time: None, last_frame: 0 }
+    }
+
+    /// Takes the next frame; `names` holds the name of its bus.
+    #[inline]
+    pub fn push(&mut self, frame: &Frame, names: &BusNames, out: &mut dyn Observer) {
+        let index = usize::from(frame.bus.0);
+        if index >= self.buses.len() {
+            self.add_buses(index, names);
+        }
+        self.last_time = frame.time;
+        self.last_frame = frame.number;
+        if let Some(bus) = self.buses.get_mut(index) {
+            bus.push(frame, out);
+        }
+    }
+
+    #[cold]
+    fn add_buses(&mut self, last: usize, names: &BusNames) {
+        for index in self.buses.len()..=last {
+            let Ok(number) = u8::try_from(index) else { return };
+            let name = names.names().get(index).map_or("", String::as_str);
+            self.buses.push(Bus::new(crate::frame::BusIndex(number), name, Arc::clone(&self.options)));
+        }
+    }
+
+    /// Takes what a reader has to say.
+    pub fn notice(&mut self, notice: &Notice, names: &BusNames, out: &mut dyn Observer) {
+        let kind = match notice {
+            Notice::Unreadable { place, reason } => {
+                self.unreadable += 1;
+                if self.unreadable > SHOWN_UNREADABLE {
+                    return;
+                }
+                let (line, offset) = match *place {
+                    Place::Line(line) => (Some(line), None),
+                    Place::Offset(offset) => (None, Some(offset)),
+                };
+                EventKind::Unreadable { line, offset, reason: reason.clone() }
+            }
+            Notice::Assumption(text) => EventKind::Note { text: text.clone() },
+            Notice::LostFrames { count, .. } => EventKind::LostFrames { count: *count },
+        };
+        self.say(kind, names, out);
+    }
+
+    /// The capture ended: closes what is open and gives totals.
+    pub fn finish(&mut self, names: &BusNames, out: &mut dyn Observer) {
+        for bus in &mut self.buses {
+            bus.finish(out);
+        }
+        let more = self.unreadable.saturating_sub(SHOWN_UNREADABLE);
+        if more > 0 {
+            let reason = format!("{more} more, {} in all", self.unreadable);
+            self.say(EventKind::Unreadable { line: None, offset: None, reason }, names, out);
+        }
+    }
+
+    /// Lets time pass without frames, on a live bus.
+    pub fn advance(&mut self, now: Timestamp, out: &mut dyn Observer) {
+        for bus in &mut self.buses {
+            bus.advance(now, out);
+        }
+    }
+
+    fn say(&mut self, kind: EventKind, names: &BusNames, out: &mut dyn Observer) {
+        let event = Event {
+            time: self.last_time,
+            bus: crate::frame::BusIndex(0),
+            frames: FrameRange::one(self.last_frame),
+            protocol: Protocol::Capture,
+            node: None,
+            presumed: false,
+            routine: false,
+            kind,
+        };
+        if self.buses.is_empty() {
+            self.add_buses(0, names);
+        }
+        if let Some(bus) = self.buses.first() {
+            out.event(&event, bus);
+        }
+    }
+
+    /// Lines or records that could not be read.
+    pub fn unreadable(&self) -> u64 {
+        self.unreadable
+    }
+
+    /// Buses in order of appearance.
+    pub fn buses(&self) -> &[Bus] {
+        &self.buses
+    }
+
+    /// Bytes a checkpoint holds of its own; the object stores are shared until they change.
+    pub fn footprint(&self) -> usize {
+        size_of::<Self>() + self.buses.iter().map(Bus::footprint).sum::<usize>()
+    }
+}

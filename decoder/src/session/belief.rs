@@ -1,0 +1,171 @@
+//! Whether the traffic of a bus is CANopen at all.
+//!
+//! Believed on evidence: a valid heartbeat or guarding reply, an NMT command, an SDO request with the
+//! response that names the same object. Doubted on contradiction: identifier 0 without two bytes,
+//! 0x700 + n without one, or many frames on PDO and EMCY identifiers with no evidence at all. A car or
+//! random traffic must not become a CANopen network; a machine recorded between two heartbeats must.
+
+use super::ProtocolChoice;
+
+/// Frames on PDO and EMCY identifiers that need some evidence beside them.
+const UNSUPPORTED_LIMIT: u32 = 1_000;
+
+/// Contradictions before they count.
+const CONTRADICTION_LIMIT: u32 = 3;
+
+/// How far the bus is believed to be CANopen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Standing {
+    /// There is evidence, or the user says so.
+    Believed,
+    /// Nothing speaks for it or against it yet: events are marked as presumed.
+    Presumed,
+    /// It is not: frames stay undecoded.
+    Doubted,
+}
+
+/// Evidence and contradictions so far.
+#[derive(Debug, Clone)]
+pub(super) struct Belief {
+    choice: ProtocolChoice,
+    standing: Standing,
+    evidence: u32,
+    contradictions: u32,
+    unsupported: u32,
+    /// Node and multiplexer of the last SDO request seen.
+    request: Option<(u8, [u8; 3])>,
+}
+
+impl Belief {
+    pub(super) fn new(choice: ProtocolChoice) -> Self {
+        let standing = match choice {
+            ProtocolChoice::Auto => Standing::Presumed,
+            ProtocolChoice::Canopen => Standing::Believed,
+            ProtocolChoice::None => Standing::Doubted,
+        };
+        Self { choice, standing, evidence: 0, contradictions: 0, unsupported: 0, request: None }
+    }
+
+    #[inline]
+    pub(super) fn standing(&self) -> Standing {
+        self.standing
+    }
+
+    #[inline]
+    pub(super) fn is_believed(&self) -> bool {
+        self.standing == Standing::Believed
+    }
+
+    /// Something only CANopen does.
+    pub(super) fn support(&mut self) {
+        self.evidence = self.evidence.saturating_add(1);
+        self.judge();
+    }
+
+    /// Something CANopen never does.
+    pub(super) fn contradict(&mut self) {
+        self.contradictions = self.contradictions.saturating_add(1);
+        self.judge();
+    }
+
+    /// A frame on a PDO or EMCY identifier: no evidence by itself.
+    #[inline]
+    pub(super) fn saw_unsupported(&mut self) {
+        if self.standing == Standing::Presumed {
+            self.unsupported += 1;
+            if self.unsupported >= UNSUPPORTED_LIMIT {
+                self.judge();
+            }
+        }
+    }
+
+    /// An SDO request, to be matched with its response.
+    pub(super) fn saw_request(&mut self, node: u8, data: &[u8]) {
+        if !self.is_believed() {
+            self.request = multiplexer(data).map(|multiplexer| (node, multiplexer));
+        }
+    }
+
+    /// An SDO response; evidence if it answers the last request.
+    pub(super) fn saw_response(&mut self, node: u8, data: &[u8]) {
+        if self.is_believed() || self.request.is_none() {
+            return;
+        }
+        if multiplexer(data).map(|multiplexer| (node, multiplexer)) == self.request {
+            self.request = None;
+            self.support();
+        }
+    }
+
+    /// Why the bus is not taken for CANopen, for people.
+    pub(super) fn reason(&self) -> String {
+        if self.contradictions >= CONTRADICTION_LIMIT {
+            let count = self.contradictions;
+            format!("{count} frames contradict it (identifier 000 not of 2 bytes, or 701 to 77F not of 1)")
+        } else {
+            format!("no heartbeat, NMT command or SDO answer within {UNSUPPORTED_LIMIT} frames on PDO and EMCY identifiers")
+        }
+    }
+
+    fn judge(&mut self) {
+        if self.choice != ProtocolChoice::Auto {
+            return;
+        }
+        let contradicted =
+            self.contradictions >= CONTRADICTION_LIMIT && self.contradictions > self.evidence / 4;
+        self.standing = if contradicted {
+            Standing::Doubted
+        } else if self.evidence > 0 {
+            Standing::Believed
+        } else if self.unsupported >= UNSUPPORTED_LIMIT {
+            Standing::Doubted
+        } else {
+            Standing::Presumed
+        };
+    }
+}
+
+/// Index and sub-index of an SDO message.
+fn multiplexer(data: &[u8]) -> Option<[u8; 3]> {
+    match data {
+        [_, low, high, sub, ..] => Some([*low, *high, *sub]),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_heartbeat_is_enough_and_contradictions_outweigh_it() {
+        let mut belief = Belief::new(ProtocolChoice::Auto);
+        assert_eq!(belief.standing(), Standing::Presumed);
+        belief.support();
+        assert_eq!(belief.standing(), Standing::Believed);
+        (0..3).for_each(|_| belief.contradict());
+        assert_eq!(belief.standing(), Standing::Doubted);
+        (0..20).for_each(|_| belief.support());
+        assert_eq!(belief.standing(), Standing::Believed);
+    }
+
+    #[test]
+    fn pdo_identifiers_alone_are_doubted_until_evidence_comes() {
+        let mut belief = Belief::new(ProtocolChoice::Auto);
+        (0..UNSUPPORTED_LIMIT).for_each(|_| belief.saw_unsupported());
+        assert_eq!(belief.standing(), Standing::Doubted);
+        belief.saw_request(5, &[0x40, 0x18, 0x10, 1, 0, 0, 0, 0]);
+        belief.saw_response(5, &[0x43, 0x18, 0x10, 1, 1, 2, 3, 4]);
+        assert_eq!(belief.standing(), Standing::Believed);
+    }
+
+    #[test]
+    fn the_user_has_the_last_word() {
+        let mut belief = Belief::new(ProtocolChoice::Canopen);
+        (0..100).for_each(|_| belief.contradict());
+        assert_eq!(belief.standing(), Standing::Believed);
+        let mut belief = Belief::new(ProtocolChoice::None);
+        belief.support();
+        assert_eq!(belief.standing(), Standing::Doubted);
+    }
+}

@@ -1,0 +1,165 @@
+//! What an object tells of the bus: COB-IDs, PDO mappings, timers, SDO channels.
+
+use std::sync::Arc;
+
+use crate::event::{EventKind, ObjectChange};
+use crate::frame::{CanId, Frame};
+use crate::profile::PdoName;
+use crate::session::routes::Service;
+use crate::session::store::{Origin, OriginKind};
+use crate::session::{Bus, Observer};
+use crate::wire::canopen::ObjectAddress;
+
+/// Bit 31 of a PDO's COB-ID: it does not exist. Bit 29 of any COB-ID: it has 29 bits.
+const INVALID: u64 = 1 << 31;
+const EXTENDED: u64 = 1 << 29;
+
+/// The identifier in a COB-ID object; `None` while it is marked invalid.
+#[expect(clippy::cast_possible_truncation, reason = "masked to the identifier's width")]
+fn identifier(cob_id: u64) -> Option<CanId> {
+    if cob_id & INVALID != 0 {
+        return None;
+    }
+    Some(if cob_id & EXTENDED != 0 {
+        CanId::extended(cob_id as u32)
+    } else {
+        CanId::standard(cob_id as u16)
+    })
+}
+
+impl Bus {
+    /// Puts a value seen in a confirmed transfer into the store and lets it take effect.
+    pub(super) fn learn_object(
+        &mut self,
+        id: u8,
+        address: ObjectAddress,
+        value: &[u8],
+        kind: OriginKind,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        let origin = Origin { kind, frame: frame.number, time: frame.time };
+        let Some(node) = self.node_mut(id) else { return };
+        if kind == OriginKind::Download {
+            // "save" to 1010 keeps all parameters over a restart; any later write is unsaved again.
+            node.saved = address.index == 0x1010 && value == b"save";
+        }
+        match Arc::make_mut(&mut node.store).set(address, value, origin) {
+            Ok(before) => {
+                let changed = before.as_ref().is_none_or(|before| before.value != value);
+                if changed && kind == OriginKind::Download {
+                    let from = before.map(|before| before.value);
+                    let change = ObjectChange { object: address, from, to: value.to_vec(), origin: kind.name() };
+                    self.emit(frame, id, true, EventKind::ObjectChange(Box::new(change)), out);
+                }
+            }
+            Err(_) => {
+                let kind = EventKind::Evicted { what: "object", count: 1 };
+                return self.emit(frame, id, false, kind, out);
+            }
+        }
+        self.take_effect(id, address);
+    }
+
+    fn take_effect(&mut self, id: u8, address: ObjectAddress) {
+        let Some(number) = self.number(id, address) else { return };
+        match (address.index, address.sub) {
+            (0x1005, 0) => self.route_to(Service::Sync, number & !0xC000_0000),
+            (0x1012, 0) => self.route_to(Service::Time, number & !0xC000_0000),
+            (0x1014, 0) => self.route_to(Service::Emcy(id), number),
+            (0x1017, 0) => self.heartbeat_time(id, number),
+            (0x1200..=0x127F, 1 | 2) => self.learn_channel(id, address.index),
+            (0x1400..=0x17FF | 0x1800..=0x1BFF, _) => self.learn_pdo(id, address),
+            _ => {}
+        }
+    }
+
+    /// A number in the store of a node.
+    pub(in crate::session) fn number(&self, id: u8, address: ObjectAddress) -> Option<u64> {
+        self.node(id)?.store().number(address)
+    }
+
+    /// The identifier of a service changed: the old one goes back to its default, unless another uses it.
+    fn route_to(&mut self, service: Service, cob_id: u64) {
+        let new = identifier(cob_id);
+        if let Some(old) = self.routes.learnt_id(service).filter(|old| Some(*old) != new) {
+            let default = self.default_service(old);
+            self.routes.forget(old, service, default);
+        }
+        if let Some(id) = new.filter(|id| id.number() != 0 && self.default_service(*id) != service) {
+            self.routes.learn(id, service);
+        }
+    }
+
+    fn default_service(&mut self, id: CanId) -> Service {
+        let CanId::Standard(id) = id else { return Service::Unclassified };
+        let owner = crate::profile::connection_set().owner(id);
+        self.service_of(owner)
+    }
+
+    fn heartbeat_time(&mut self, id: u8, milliseconds: u64) {
+        let Some(node) = self.node_mut(id) else { return };
+        let nanoseconds = i64::try_from(milliseconds).unwrap_or(0).saturating_mul(1_000_000);
+        node.heartbeat.configured = Some(nanoseconds);
+        if nanoseconds == 0 {
+            node.heartbeat.deadline = None;
+        }
+    }
+
+    /// SDO server parameter 1201 and up: client to server in sub 1, server to client in sub 2.
+    fn learn_channel(&mut self, id: u8, index: u16) {
+        if index == 0x1200 {
+            return;
+        }
+        let ids = [1, 2].map(|sub| self.number(id, ObjectAddress::new(index, sub)).and_then(identifier));
+        let client = self.number(id, ObjectAddress::new(index, 3)).and_then(|id| u8::try_from(id).ok());
+        if let [Some(request), Some(response)] = ids
+            && let Some(channel) = self.channels.add(id, index, request, response, client)
+        {
+            self.route_channel(channel, request, response);
+        }
+    }
+
+    /// A PDO parameter changed. The identifier takes effect when it becomes valid, the mapping when the
+    /// PDO becomes valid again, or at once with the number of entries if it never was invalid.
+    fn learn_pdo(&mut self, id: u8, address: ObjectAddress) {
+        let Some(name) = PdoName::of_parameter(address.index) else { return };
+        let service = Service::Pdo(name, id);
+        let cob_id = self.number(id, ObjectAddress::new(name.communication_index(), 1));
+        let is_valid = cob_id.is_none_or(|cob_id| cob_id & INVALID == 0);
+        if address == ObjectAddress::new(name.communication_index(), 1)
+            && let Some(cob_id) = cob_id
+        {
+            self.route_to(service, cob_id);
+        }
+        let is_mapping = address.index == name.mapping_index();
+        if is_valid && (is_mapping || address.sub == 1) {
+            self.routes.refresh_pdo(name, id);
+        }
+    }
+
+    /// A node booted: what it was told and did not save may be gone.
+    pub(super) fn forget_unsaved(&mut self, id: u8) {
+        let Some(node) = self.node_mut(id) else { return };
+        if node.saved || node.store().is_empty() {
+            return;
+        }
+        Arc::make_mut(&mut node.store).mark_stale();
+        let services = self.routes.learnt().into_iter().map(|(_, service)| service);
+        let names: Vec<_> = services
+            .filter_map(|service| match service {
+                Service::Pdo(name, node) if node == id => Some(name),
+                _ => None,
+            })
+            .chain([1, 2, 3, 4].into_iter().flat_map(default_pdos))
+            .collect();
+        for name in names {
+            self.routes.refresh_pdo(name, id);
+        }
+    }
+}
+
+fn default_pdos(number: u16) -> [PdoName; 2] {
+    use crate::profile::PdoDirection::{Receive, Transmit};
+    [Transmit, Receive].map(|direction| PdoName { direction, number })
+}

@@ -1,0 +1,69 @@
+//! LSS: devices get their node-ID and bit rate.
+
+use crate::event::EventKind;
+use crate::frame::Frame;
+use crate::session::{Bus, Observer};
+use crate::wire::canopen::lss::{self, Content};
+
+/// What is known of the LSS exchange.
+#[derive(Debug, Clone, Default)]
+pub(in crate::session) struct LssState {
+    /// Node-ID asked for, until the slave accepts it.
+    requested: Option<u8>,
+    /// Node-ID accepted; in force when the slave leaves the configuration state or resets.
+    accepted: Option<u8>,
+    /// Node-ID the slave answered to an inquiry: its present one.
+    present: Option<u8>,
+    /// A fast scan runs; its steps repeat.
+    scanning: bool,
+}
+
+/// Node-ID 255: not configured.
+const UNCONFIGURED: u8 = 255;
+
+impl Bus {
+    pub(in crate::session) fn on_lss(&mut self, from_master: bool, frame: &Frame, out: &mut dyn Observer) {
+        if !self.is_decoded(frame, out) {
+            return;
+        }
+        let message = match lss::parse(frame.data(), from_master) {
+            Ok(message) => message,
+            Err(error) => return self.malformed(frame, 0, error, "too short for its LSS command", out),
+        };
+        let is_scan_step = matches!(message.content, Content::FastScan { .. });
+        let routine = if from_master {
+            std::mem::replace(&mut self.lss.scanning, is_scan_step) && is_scan_step
+        } else {
+            self.lss.scanning
+        };
+        let kind = EventKind::Lss { command: message.command, from_master, content: message.content };
+        self.emit(frame, 0, routine, kind, out);
+        self.follow_node_id(message, from_master, frame, out);
+    }
+
+    /// A node-ID that was accepted is in force when the slave returns to the waiting state
+    /// (CiA 305 §3.9.1: from there it boots with it).
+    fn follow_node_id(&mut self, message: lss::Lss, from_master: bool, frame: &Frame, out: &mut dyn Observer) {
+        match (message.content, from_master) {
+            (Content::NodeId(id), true) => self.lss.requested = Some(id),
+            (Content::NodeId(id), false) => self.lss.present = Some(id),
+            (Content::Result { code: 0, .. }, false) if message.command == 0x11 => {
+                self.lss.accepted = self.lss.requested.take();
+            }
+            (Content::Mode(0), true) => {
+                let from = self.lss.present.take().filter(|id| *id != UNCONFIGURED);
+                if let Some(to) = self.lss.accepted.take().filter(|to| (1..=127).contains(to)) {
+                    self.change_node_id(from.filter(|from| *from != to), to, frame, out);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn change_node_id(&mut self, from: Option<u8>, to: u8, frame: &Frame, out: &mut dyn Observer) {
+        self.emit(frame, to, false, EventKind::NodeIdChange { from, to, by: "lss" }, out);
+        if let Some(from) = from.filter(|from| (1..=127).contains(from)) {
+            self.move_node(from, to);
+        }
+    }
+}

@@ -1,0 +1,14 @@
+//! CANopen services: what each message does to what is known, and which events that makes.
+
+mod emcy;
+mod error_control;
+mod learn;
+mod lss;
+mod nmt;
+mod pdo;
+mod sdo;
+mod sync;
+
+pub(super) use lss::LssState;
+pub(super) use sdo::Channels;
+pub(super) use sync::SyncState;

@@ -1,0 +1,148 @@
+//! PDOs: the hot path. One prepared event an identifier is updated in place and lent to the observer.
+
+use std::sync::Arc;
+
+use crate::event::{Event, EventKind, FrameRange, Pdo, Protocol};
+use crate::frame::{Frame, FrameFlags, MAX_DATA};
+use crate::profile::{DataType, Field, Layout, PdoDirection, PdoName, communication_objects};
+use crate::session::{Bus, Observer, Store};
+use crate::wire::canopen::ObjectAddress;
+
+/// Entries of a mapping parameter (CiA 301 §7.5.2.36); each can be a single bit.
+const MOST_ENTRIES: u64 = 64;
+
+impl Bus {
+    #[inline]
+    pub(in crate::session) fn on_pdo(
+        &mut self,
+        slot: usize,
+        name: PdoName,
+        id: u8,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        let believed = self.belief.is_believed();
+        if !believed {
+            self.belief.saw_unsupported();
+            if !self.is_decoded(frame, out) {
+                return;
+            }
+        }
+        self.clock.saw_periodic();
+        let is_request = frame.flags.contains(FrameFlags::REMOTE);
+        if name.direction == PdoDirection::Transmit && !is_request {
+            self.pdo_heard(id, frame, out);
+        }
+        let Some(entry) = self.routes.slot_mut(slot) else { return };
+        let Some(event) = &mut entry.pdo else { return self.first_pdo(slot, name, id, frame, out) };
+        let EventKind::Pdo(pdo) = &mut event.kind else { return };
+        let same = pdo.length == frame.length && pdo.is_request == is_request && pdo.payload() == frame.data();
+        event.time = frame.time;
+        event.frames = FrameRange::one(frame.number);
+        event.presumed = !believed;
+        event.routine = same;
+        if !same {
+            pdo.length = frame.length;
+            pdo.is_request = is_request;
+            copy_payload(&mut pdo.bytes, frame);
+        }
+        if let Some(event) = self.routes.slot(slot).and_then(|entry| entry.pdo.as_deref()) {
+            out.event(event, self);
+        }
+    }
+
+    #[inline]
+    fn pdo_heard(&mut self, id: u8, frame: &Frame, out: &mut dyn Observer) {
+        let now = self.clock.now();
+        let Some(node) = self.node_mut(id) else { return };
+        if node.attention {
+            self.heard(id, frame, out);
+            self.pdo_shows_state(id, frame, out);
+            return;
+        }
+        node.last_frame = frame.number;
+        node.last_seen = frame.time;
+        node.last_heard = now;
+    }
+
+    #[cold]
+    fn first_pdo(&mut self, slot: usize, name: PdoName, id: u8, frame: &Frame, out: &mut dyn Observer) {
+        let mut bytes = [0; MAX_DATA];
+        copy_payload(&mut bytes, frame);
+        let pdo = Pdo {
+            name,
+            cob_id: frame.id,
+            is_request: frame.flags.contains(FrameFlags::REMOTE),
+            length: frame.length,
+            bytes,
+            layout: self.node(id).and_then(|node| layout(node.store(), name)).map(Arc::new),
+        };
+        let event = Event {
+            time: frame.time,
+            bus: self.index,
+            frames: FrameRange::one(frame.number),
+            protocol: Protocol::Canopen,
+            node: Some(id),
+            presumed: !self.belief.is_believed(),
+            routine: false,
+            kind: EventKind::Pdo(pdo),
+        };
+        if let Some(entry) = self.routes.slot_mut(slot) {
+            entry.pdo = Some(Box::new(event));
+        }
+        if let Some(event) = self.routes.slot(slot).and_then(|entry| entry.pdo.as_deref()) {
+            out.event(event, self);
+        }
+    }
+}
+
+#[inline]
+fn copy_payload(bytes: &mut [u8; MAX_DATA], frame: &Frame) {
+    if frame.length <= 8 {
+        if let (Some(target), Some(source)) = (bytes.first_chunk_mut::<8>(), frame.bytes.first_chunk()) {
+            *target = *source;
+        }
+    } else {
+        *bytes = frame.bytes;
+    }
+}
+
+/// The layout the mapping parameter in the store describes; `None` unless all of it is known.
+pub(super) fn layout(store: &Store, name: PdoName) -> Option<Layout> {
+    let index = name.mapping_index();
+    let count_entry = store.get(ObjectAddress::new(index, 0))?;
+    let count = store.number(ObjectAddress::new(index, 0))?;
+    if count == 0 || count > MOST_ENTRIES {
+        return None;
+    }
+    let mut layout = Layout { fields: Vec::new(), bits: 0, origin: "wire", assumed: count_entry.stale };
+    for sub in 1..=u8::try_from(count).ok()? {
+        let address = ObjectAddress::new(index, sub);
+        let mapping = store.number(address)?;
+        layout.assumed |= store.get(address)?.stale;
+        // Bits 31..16 index, 15..8 sub-index, 7..0 length in bits (CiA 301 figure 70).
+        let [bits, sub, low, high, ..] = mapping.to_le_bytes();
+        let object = ObjectAddress::new(u16::from_le_bytes([low, high]), sub);
+        let bits = u16::from(bits);
+        let end = layout.bits.checked_add(bits)?;
+        // Indexes up to 0x1F are data types: dummies that only take room (CiA 301 §7.4.7.1).
+        if object.index > 0x1F && (1..=64).contains(&bits) {
+            layout.fields.push(field(object, layout.bits, bits));
+        }
+        layout.bits = end;
+    }
+    Some(layout)
+}
+
+fn field(object: ObjectAddress, bit: u16, bits: u16) -> Field {
+    let known = communication_objects().find(object);
+    let data_type = known.and_then(|entry| entry.data_type).filter(|known| known.bits() == Some(bits));
+    Field {
+        object,
+        name: known.map(|entry| entry.name()),
+        bit,
+        bits,
+        data_type: data_type.unwrap_or(DataType::unsigned(bits)),
+        is_typed: data_type.is_some(),
+    }
+}

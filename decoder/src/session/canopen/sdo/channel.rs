@@ -1,0 +1,475 @@
+//! SDO channels: a pair of identifiers, and the one transfer that can be open on it.
+
+use super::transfer::{Stage, Transfer};
+use crate::event::{Abort, Direction, Mode, Outcome};
+use crate::frame::{CanId, Frame};
+use crate::session::{CHANNEL_LIMIT, OPEN_DATA_LIMIT};
+use crate::wire::canopen::sdo::{Payload, Phase, Sdo, Side};
+use crate::wire::canopen::ObjectAddress;
+
+/// A pair of identifiers between one client and one server.
+#[derive(Debug, Clone)]
+struct Channel {
+    request: CanId,
+    response: CanId,
+    server: u8,
+    client: Option<u8>,
+    /// Server parameter 0x1200..=0x127F it comes from.
+    parameter: u16,
+    transfer: Option<Box<Transfer>>,
+    deadline: Option<i64>,
+    queued: bool,
+}
+
+/// What a timer entry of a channel comes to.
+pub(super) enum Due {
+    /// Nothing is open.
+    Nothing,
+    /// The deadline moved.
+    Later(i64),
+    /// The transfer got no answer until its deadline.
+    Over(Box<Transfer>, i64),
+}
+
+/// Transfers that one frame ended: the one it superseded, and its own.
+pub(super) type Finished = [Option<Box<Transfer>>; 2];
+
+/// All channels of a bus.
+#[derive(Debug, Clone, Default)]
+pub(in crate::session) struct Channels {
+    channels: Vec<Channel>,
+    overflowed: bool,
+}
+
+impl Channels {
+    /// The channel every node has (0x600 and 0x580 + node-ID).
+    pub(in crate::session) fn default_channel(&mut self, node: u8) -> Option<u16> {
+        let id = |base: u16| CanId::standard(base + u16::from(node));
+        self.add(node, 0x1200, id(0x600), id(0x580), None)
+    }
+
+    /// A channel from a server parameter; its identifiers are replaced if it exists.
+    pub(in crate::session) fn add(
+        &mut self,
+        server: u8,
+        parameter: u16,
+        request: CanId,
+        response: CanId,
+        client: Option<u8>,
+    ) -> Option<u16> {
+        let known = self.channels.iter().position(|channel| (channel.server, channel.parameter) == (server, parameter));
+        let index = match known {
+            Some(index) => index,
+            None if self.channels.len() < CHANNEL_LIMIT => {
+                self.channels.push(Channel {
+                    request,
+                    response,
+                    server,
+                    client,
+                    parameter,
+                    transfer: None,
+                    deadline: None,
+                    queued: false,
+                });
+                self.channels.len() - 1
+            }
+            None => return None,
+        };
+        let channel = self.channels.get_mut(index)?;
+        (channel.request, channel.response, channel.client) = (request, response, client);
+        u16::try_from(index).ok()
+    }
+
+    fn get(&self, channel: u16) -> Option<&Channel> {
+        self.channels.get(usize::from(channel))
+    }
+
+    fn get_mut(&mut self, channel: u16) -> Option<&mut Channel> {
+        self.channels.get_mut(usize::from(channel))
+    }
+
+    /// Node-ID of the server.
+    pub(super) fn server(&self, channel: u16) -> Option<u8> {
+        self.get(channel).map(|channel| channel.server)
+    }
+
+    /// Node-ID of the client, if configured.
+    pub(super) fn client(&self, channel: u16) -> Option<u8> {
+        self.get(channel)?.client
+    }
+
+    /// Identifiers of requests and responses.
+    pub(in crate::session) fn ids(&self, channel: u16) -> Option<(CanId, CanId)> {
+        self.get(channel).map(|channel| (channel.request, channel.response))
+    }
+
+    /// In which phase a side of the channel is.
+    pub(super) fn phase(&self, channel: u16, side: Side) -> Option<Phase> {
+        let transfer = self.get(channel)?.transfer.as_deref();
+        let sender = transfer.filter(|transfer| transfer.stage == Stage::BlockSegments).and_then(|t| t.direction);
+        Some(match (sender, side) {
+            (Some(Direction::Download), Side::Client) | (Some(Direction::Upload), Side::Server) => Phase::BlockSegments,
+            _ => Phase::Commands,
+        })
+    }
+
+    /// Sets the deadline of an open transfer; `true` if it must go into the timer queue.
+    pub(super) fn arm(&mut self, channel: u16, deadline: i64) -> bool {
+        let Some(channel) = self.get_mut(channel) else { return false };
+        if channel.transfer.is_none() {
+            channel.deadline = None;
+            return false;
+        }
+        channel.deadline = Some(deadline);
+        !std::mem::replace(&mut channel.queued, true)
+    }
+
+    /// What to do when the timer entry of a channel comes due.
+    pub(super) fn due(&mut self, channel: u16, now: i64) -> Due {
+        let Some(channel) = self.get_mut(channel) else { return Due::Nothing };
+        channel.queued = false;
+        match channel.deadline {
+            None => Due::Nothing,
+            Some(deadline) if deadline >= now => {
+                channel.queued = true;
+                Due::Later(deadline)
+            }
+            Some(deadline) => {
+                channel.deadline = None;
+                match channel.transfer.take() {
+                    Some(mut transfer) => {
+                        transfer.outcome = Outcome::Timeout;
+                        Due::Over(transfer, deadline)
+                    }
+                    None => Due::Nothing,
+                }
+            }
+        }
+    }
+
+    /// Moves all deadlines by `delay` nanoseconds.
+    pub(in crate::session) fn postpone(&mut self, delay: i64) {
+        for channel in &mut self.channels {
+            channel.deadline = channel.deadline.map(|deadline| deadline.saturating_add(delay));
+        }
+    }
+
+    /// Takes out all open transfers, with their servers, in the order they began.
+    pub(super) fn drain(&mut self) -> Vec<(u8, Box<Transfer>)> {
+        let open = self.channels.iter_mut().filter_map(|channel| Some((channel.server, channel.transfer.take()?)));
+        let mut open: Vec<_> = open.collect();
+        open.sort_by_key(|(_, transfer)| transfer.frames.first);
+        open
+    }
+
+    /// Whether data had to be dropped since the last question.
+    pub(super) fn take_overflow(&mut self) -> bool {
+        std::mem::take(&mut self.overflowed)
+    }
+
+    /// Bytes held.
+    pub(in crate::session) fn footprint(&self) -> usize {
+        let open = self.channels.iter().filter_map(|channel| channel.transfer.as_ref());
+        self.channels.capacity() * size_of::<Channel>() + open.map(|transfer| transfer.footprint()).sum::<usize>()
+    }
+
+    /// A command byte nobody knows; it may be a segment of a block whose beginning was not seen.
+    pub(super) fn saw_unknown(&mut self, channel: u16, side: Side, command: u8) {
+        if let Some(transfer) = self.get_mut(channel).and_then(|channel| channel.transfer.as_mut())
+            && transfer.frame_count == 1
+        {
+            transfer.opened_by = (command, side == Side::Client);
+        }
+    }
+
+    /// Takes a message; gives the transfers it ended.
+    pub(super) fn take(
+        &mut self,
+        index: u16,
+        side: Side,
+        message: Sdo<'_>,
+        command: u8,
+        frame: &Frame,
+        _now: i64,
+    ) -> Finished {
+        let open_bytes: usize = self.open_bytes_if_large(index);
+        let Some(channel) = self.get_mut(index) else { return [None, None] };
+        let finished = channel.take(index, side, message, command, frame);
+        if let Some(transfer) = &mut channel.transfer {
+            let over = open_bytes + transfer.data.len() > OPEN_DATA_LIMIT;
+            if over && !transfer.data.is_empty() {
+                transfer.data = Vec::new();
+                transfer.truncated = true;
+                self.overflowed = true;
+            }
+        }
+        finished
+    }
+
+    /// Bytes the other open transfers hold. Only asked for when this one holds a good part of the limit:
+    /// [`CHANNEL_LIMIT`] transfers below that cannot exceed it.
+    fn open_bytes_if_large(&self, index: u16) -> usize {
+        let share = OPEN_DATA_LIMIT / CHANNEL_LIMIT;
+        let mine = self.get(index).and_then(|channel| channel.transfer.as_ref());
+        if mine.is_none_or(|transfer| transfer.data.len() < share) {
+            return 0;
+        }
+        let others = self.channels.iter().enumerate().filter(|(place, _)| *place != usize::from(index));
+        others.filter_map(|(_, channel)| channel.transfer.as_ref()).map(|transfer| transfer.data.len()).sum()
+    }
+}
+
+impl Channel {
+    fn take(&mut self, index: u16, side: Side, message: Sdo<'_>, command: u8, frame: &Frame) -> Finished {
+        if let Some(finished) = self.block_start_not_seen(index, side, command, frame) {
+            return finished;
+        }
+        if let Sdo::Abort { object, code } = message {
+            return [None, Some(self.abort(index, side, object, code, frame))];
+        }
+        let superseded = self.superseded_by(&message);
+        if let Some(transfer) = &mut self.transfer {
+            transfer.add_frame(frame);
+        }
+        let is_over = match side {
+            Side::Client => self.client(index, message, frame),
+            Side::Server => match self.stray_answer(index, &message, frame) {
+                Some(stray) => return [superseded, Some(stray)],
+                None => self.server(index, message, frame),
+            },
+        };
+        if let Some(transfer) = &mut self.transfer
+            && transfer.frame_count == 1
+        {
+            transfer.opened_by = (command, side == Side::Client);
+        }
+        let own = if is_over { self.transfer.take() } else { None };
+        [superseded, own.map(|mut transfer| {
+            transfer.outcome = Outcome::Complete;
+            transfer
+        })]
+    }
+
+    /// A capture that begins within a block shows bytes that read as commands. Two frames of one side in
+    /// a row whose first bytes count up are segments: SDO commands never follow each other unanswered.
+    fn block_start_not_seen(&mut self, index: u16, side: Side, command: u8, frame: &Frame) -> Option<Finished> {
+        let transfer = self.transfer.as_mut()?;
+        let (before, by_client) = transfer.opened_by;
+        let counts_up = command & 0x7F == (before & 0x7F).wrapping_add(1) && before < 0x80;
+        let is_sender = by_client == (side == Side::Client);
+        if transfer.frame_count != 1 || !is_sender || !counts_up || transfer.stage == Stage::BlockSegments {
+            return None;
+        }
+        let mut cut = Transfer::new(index, None, frame);
+        cut.frames.first = transfer.frames.first;
+        cut.frame_count = 2;
+        cut.cut_start = true;
+        cut.truncated = true;
+        cut.mode = Some(Mode::Block);
+        cut.direction = Some(if by_client { Direction::Download } else { Direction::Upload });
+        cut.stage = Stage::BlockSegments;
+        let data = frame.data().get(1..).unwrap_or_default();
+        cut.blocks_mut().segment(command & 0x7F, command & 0x80 != 0, data);
+        self.transfer = Some(Box::new(cut));
+        Some([None, None])
+    }
+
+    fn abort(&mut self, index: u16, side: Side, object: ObjectAddress, code: u32, frame: &Frame) -> Box<Transfer> {
+        let mut transfer =
+            self.transfer.take().unwrap_or_else(|| Box::new(Transfer::new(index, Some(object), frame)));
+        transfer.add_frame(frame);
+        transfer.object.get_or_insert(object);
+        transfer.outcome = Outcome::Aborted;
+        transfer.abort = Some(Abort { code, by_client: side == Side::Client });
+        transfer
+    }
+
+    /// A client that begins anew gives up what was open.
+    fn superseded_by(&mut self, message: &Sdo<'_>) -> Option<Box<Transfer>> {
+        let begins = matches!(
+            message,
+            Sdo::InitiateDownload { .. }
+                | Sdo::InitiateUpload { .. }
+                | Sdo::InitiateBlockDownload { .. }
+                | Sdo::InitiateBlockUpload { .. }
+        );
+        let mut transfer = if begins { self.transfer.take() } else { None }?;
+        transfer.outcome = Outcome::Superseded;
+        Some(transfer)
+    }
+
+    /// The open transfer if it runs this way, else one whose beginning was not seen. A transfer that runs
+    /// another way stays open: the frame is not its own, but nothing better is known of it.
+    fn open_or_cut(&mut self, index: u16, direction: Direction, mode: Mode, frame: &Frame) -> &mut Transfer {
+        let transfer = self.transfer.get_or_insert_with(|| {
+            let mut cut = Transfer::new(index, None, frame);
+            cut.direction = Some(direction);
+            cut.mode = Some(mode);
+            cut.cut_start = true;
+            cut.stage = if mode == Mode::Segmented { Stage::Segments } else { Stage::BlockSegments };
+            cut.truncated = true;
+            Box::new(cut)
+        });
+        transfer.direction.get_or_insert(direction);
+        transfer
+    }
+
+    /// Handles a client's message; `true` if it ends the transfer.
+    fn client(&mut self, index: u16, message: Sdo<'_>, frame: &Frame) -> bool {
+        match message {
+            Sdo::InitiateDownload { object, payload } => {
+                let transfer = self.begin(index, object, Direction::Download, frame);
+                match payload {
+                    Payload::Expedited { data, .. } => {
+                        transfer.mode = Some(Mode::Expedited);
+                        transfer.keep(data);
+                    }
+                    Payload::Segmented { size } => {
+                        transfer.mode = Some(Mode::Segmented);
+                        transfer.announced = size;
+                    }
+                }
+            }
+            Sdo::InitiateUpload { object } => {
+                self.begin(index, object, Direction::Upload, frame);
+            }
+            Sdo::InitiateBlockDownload { object, crc, size } => {
+                let transfer = self.begin(index, object, Direction::Download, frame);
+                transfer.mode = Some(Mode::Block);
+                transfer.announced = size;
+                transfer.blocks_mut().client_offers(crc);
+            }
+            Sdo::InitiateBlockUpload { object, crc, .. } => {
+                let transfer = self.begin(index, object, Direction::Upload, frame);
+                transfer.mode = Some(Mode::Block);
+                transfer.blocks_mut().client_offers(crc);
+            }
+            Sdo::DownloadSegment(segment) => {
+                self.open_or_cut(index, Direction::Download, Mode::Segmented, frame).take_segment(&segment);
+            }
+            Sdo::RequestUploadSegment { .. } => {
+                self.open_or_cut(index, Direction::Upload, Mode::Segmented, frame);
+            }
+            Sdo::EndBlockDownload(end) => {
+                self.open_or_cut(index, Direction::Download, Mode::Block, frame).end_blocks(end.unused, end.crc);
+            }
+            Sdo::StartBlockUpload => {
+                self.open_or_cut(index, Direction::Upload, Mode::Block, frame).stage = Stage::BlockSegments;
+            }
+            Sdo::BlockUploadAcknowledged { sequence, .. } => {
+                self.open_or_cut(index, Direction::Upload, Mode::Block, frame).acknowledge(sequence);
+            }
+            Sdo::BlockUploadEnded => {
+                self.open_or_cut(index, Direction::Upload, Mode::Block, frame);
+                return true;
+            }
+            Sdo::BlockSegment { sequence, last, data } => self.segment(sequence, last, data),
+            _ => {}
+        }
+        false
+    }
+
+    fn begin(&mut self, index: u16, object: ObjectAddress, direction: Direction, frame: &Frame) -> &mut Transfer {
+        let mut transfer = Transfer::new(index, Some(object), frame);
+        transfer.direction = Some(direction);
+        self.transfer.insert(Box::new(transfer))
+    }
+
+    fn segment(&mut self, sequence: u8, last: bool, data: &[u8]) {
+        if let Some(transfer) = &mut self.transfer {
+            transfer.blocks_mut().segment(sequence, last, data);
+        }
+    }
+
+    /// An answer that names another object than the open transfer, or one without any open: its request
+    /// was not seen. Expedited answers and confirmations are whole transfers by themselves.
+    fn stray_answer(&mut self, index: u16, message: &Sdo<'_>, frame: &Frame) -> Option<Box<Transfer>> {
+        let (object, direction) = match message {
+            Sdo::DownloadInitiated { object } => (*object, Direction::Download),
+            Sdo::UploadInitiated { object, payload: Payload::Expedited { .. } } => (*object, Direction::Upload),
+            _ => return None,
+        };
+        let answers = self.transfer.as_ref().is_some_and(|open| {
+            open.object == Some(object) && open.direction == Some(direction) && open.stage == Stage::Initiate
+        });
+        if answers {
+            return None;
+        }
+        let mut stray = Transfer::new(index, Some(object), frame);
+        stray.direction = Some(direction);
+        stray.cut_start = true;
+        stray.outcome = Outcome::Complete;
+        if let Sdo::UploadInitiated { payload: Payload::Expedited { data, .. }, .. } = message {
+            stray.mode = Some(Mode::Expedited);
+            stray.keep(data);
+        }
+        Some(Box::new(stray))
+    }
+
+    /// Handles a server's message; `true` if it ends the transfer.
+    fn server(&mut self, index: u16, message: Sdo<'_>, frame: &Frame) -> bool {
+        match message {
+            Sdo::DownloadInitiated { .. } => {
+                let Some(transfer) = &mut self.transfer else { return false };
+                transfer.stage = Stage::Segments;
+                return transfer.mode == Some(Mode::Expedited);
+            }
+            Sdo::UploadInitiated { object, payload } => return self.upload_initiated(index, object, payload, frame),
+            Sdo::DownloadSegmentAccepted { .. } => {
+                return self.open_or_cut(index, Direction::Download, Mode::Segmented, frame).last_seen;
+            }
+            Sdo::UploadSegment(segment) => {
+                let transfer = self.open_or_cut(index, Direction::Upload, Mode::Segmented, frame);
+                transfer.take_segment(&segment);
+                return transfer.last_seen;
+            }
+            Sdo::BlockDownloadInitiated { object, crc, .. } => {
+                let transfer = self.open_or_cut(index, Direction::Download, Mode::Block, frame);
+                transfer.object.get_or_insert(object);
+                transfer.stage = Stage::BlockSegments;
+                transfer.blocks_mut().server_offers(crc);
+            }
+            Sdo::BlockDownloadAcknowledged { sequence, .. } => {
+                self.open_or_cut(index, Direction::Download, Mode::Block, frame).acknowledge(sequence);
+            }
+            Sdo::BlockDownloadEnded => {
+                self.open_or_cut(index, Direction::Download, Mode::Block, frame);
+                return true;
+            }
+            Sdo::BlockUploadInitiated { object, crc, size } => {
+                let transfer = self.open_or_cut(index, Direction::Upload, Mode::Block, frame);
+                transfer.object.get_or_insert(object);
+                transfer.announced = size;
+                transfer.stage = Stage::BlockStart;
+                transfer.blocks_mut().server_offers(crc);
+            }
+            Sdo::EndBlockUpload(end) => {
+                self.open_or_cut(index, Direction::Upload, Mode::Block, frame).end_blocks(end.unused, end.crc);
+            }
+            Sdo::BlockSegment { sequence, last, data } => self.segment(sequence, last, data),
+            _ => {}
+        }
+        false
+    }
+
+    /// The server's data or the size of what follows; also its choice not to send blocks.
+    fn upload_initiated(&mut self, index: u16, object: ObjectAddress, payload: Payload<'_>, frame: &Frame) -> bool {
+        let transfer = self.open_or_cut(index, Direction::Upload, Mode::Segmented, frame);
+        transfer.object.get_or_insert(object);
+        transfer.blocks = None;
+        match payload {
+            Payload::Expedited { data, .. } => {
+                transfer.mode = Some(Mode::Expedited);
+                transfer.keep(data);
+                true
+            }
+            Payload::Segmented { size } => {
+                transfer.mode = Some(Mode::Segmented);
+                transfer.announced = size;
+                transfer.stage = Stage::Segments;
+                transfer.truncated = false;
+                false
+            }
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! SDO: many messages become one transfer.
+//!
+//! ```text
+//! Bus::on_sdo ─▶ wire::sdo::parse(side, phase) ─▶ Channel ─▶ Transfer (block.rs: its blocks) ─▶ event
+//! ```
+
+mod block;
+mod channel;
+mod transfer;
+
+pub(in crate::session) use channel::Channels;
+use transfer::Transfer;
+
+use super::super::store::OriginKind;
+use crate::event::{Direction, EventKind, Outcome, SdoTransfer};
+use crate::frame::{Frame, FrameFlags};
+use crate::session::timers::Subject;
+use crate::session::{Bus, Observer};
+use crate::wire::Malformed;
+use crate::wire::canopen::sdo::{self, Sdo, Side};
+
+impl Bus {
+    pub(in crate::session) fn on_sdo(&mut self, side: Side, channel: u16, frame: &Frame, out: &mut dyn Observer) {
+        let Some(server) = self.channels.server(channel) else { return };
+        match side {
+            Side::Client => self.belief.saw_request(server, frame.data()),
+            Side::Server => self.belief.saw_response(server, frame.data()),
+        }
+        if !self.is_decoded(frame, out) {
+            return;
+        }
+        if frame.flags.contains(FrameFlags::REMOTE) {
+            return self.undecoded(frame, Some("sdo remote request"), out);
+        }
+        let now = self.clock.now();
+        if side == Side::Server {
+            self.heard(server, frame, out);
+        }
+        let Some(phase) = self.channels.phase(channel, side) else { return };
+        let message = match sdo::parse(frame.data(), side, phase) {
+            Ok(message) => message,
+            Err(error) => return self.malformed(frame, server, error, "too short for its SDO command", out),
+        };
+        if let Sdo::Unknown { command } = message {
+            self.channels.saw_unknown(channel, side, command);
+            let error = Malformed { layer: "sdo", offset: 0, needed: 0, available: frame.length };
+            return self.malformed(frame, server, error, "unknown SDO command specifier", out);
+        }
+        let command = frame.data().first().copied().unwrap_or(0);
+        let finished = self.channels.take(channel, side, message, command, frame, now);
+        for transfer in finished.into_iter().flatten() {
+            self.finish_transfer(server, &transfer, frame, out);
+        }
+        if self.channels.take_overflow() {
+            let kind = EventKind::Evicted { what: "data of open SDO transfers", count: 1 };
+            self.emit(frame, server, false, kind, out);
+        }
+        if self.clock.runs() {
+            let deadline = now.saturating_add(self.options.sdo_silence);
+            if self.channels.arm(channel, deadline) {
+                self.timers.add(deadline, Subject::SdoChannel(channel));
+            }
+        }
+    }
+
+    /// A channel's entry in the timer queue came due.
+    pub(in crate::session) fn sdo_deadline(&mut self, channel: u16, now: i64, out: &mut dyn Observer) {
+        match self.channels.due(channel, now) {
+            channel::Due::Nothing => {}
+            channel::Due::Later(deadline) => self.timers.add(deadline, Subject::SdoChannel(channel)),
+            channel::Due::Over(transfer, deadline) => {
+                let Some(server) = self.channels.server(channel) else { return };
+                let mut frame = Frame { number: transfer.frames.last, ..Frame::EMPTY };
+                frame.time = self.clock.stamp_of(deadline);
+                self.finish_transfer(server, &transfer, &frame, out);
+            }
+        }
+    }
+
+    /// The capture ends: open transfers are unfinished.
+    pub(in crate::session) fn finish_transfers(&mut self, out: &mut dyn Observer) {
+        let frame = Frame { number: self.last_frame, time: self.last_time, ..Frame::EMPTY };
+        for (server, transfer) in self.channels.drain() {
+            self.finish_transfer(server, &transfer, &frame, out);
+        }
+    }
+
+    /// Emits a transfer and lets its value take effect. `frame` is the one that ended it.
+    fn finish_transfer(&mut self, server: u8, transfer: &Transfer, frame: &Frame, out: &mut dyn Observer) {
+        let mut event = self.event(frame, EventKind::SdoTransfer(Box::new(self.describe(server, transfer))));
+        event.node = Some(server);
+        event.frames = transfer.frames;
+        out.event(&event, self);
+        let EventKind::SdoTransfer(described) = event.kind else { return };
+        let is_whole = described.outcome == Outcome::Complete && !described.truncated;
+        let has_value = is_whole && (!described.cut_start || transfer.value_is_whole());
+        if let (true, Some(object), Some(direction)) = (has_value, described.object, described.direction) {
+            let kind = match direction {
+                Direction::Upload => OriginKind::Upload,
+                Direction::Download => OriginKind::Download,
+            };
+            self.learn_object(server, object, &described.data, kind, frame, out);
+        }
+    }
+
+    fn describe(&self, server: u8, transfer: &Transfer) -> SdoTransfer {
+        let (request, response) = self.channel_ids(transfer.channel).unwrap_or((Frame::EMPTY.id, Frame::EMPTY.id));
+        let previous = transfer.object.and_then(|object| self.node(server)?.store().get(object));
+        SdoTransfer {
+            request,
+            response,
+            client: self.channels.client(transfer.channel),
+            direction: transfer.direction,
+            mode: transfer.mode,
+            object: transfer.object,
+            size: transfer.size,
+            announced: transfer.announced,
+            data: transfer.data.clone(),
+            truncated: transfer.truncated,
+            previous: previous.map(|entry| entry.value.clone()),
+            duration: transfer.duration(),
+            outcome: transfer.outcome,
+            abort: transfer.abort,
+            crc: transfer.crc(),
+            cut_start: transfer.cut_start,
+            cut_end: transfer.outcome == Outcome::Unfinished,
+            frame_count: transfer.frame_count,
+        }
+    }
+}
+

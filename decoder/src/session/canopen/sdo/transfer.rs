@@ -1,0 +1,159 @@
+//! One SDO transfer: what was asked, what came, what comes next.
+
+use super::block::Blocks;
+use crate::event::{Abort, Crc, Direction, FrameRange, Mode, Outcome};
+use crate::frame::Frame;
+use crate::session::TRANSFER_DATA_LIMIT;
+use crate::wire::canopen::ObjectAddress;
+use crate::wire::canopen::sdo::Segment;
+
+/// What the transfer waits for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Stage {
+    /// The server's answer to the initiate message.
+    Initiate,
+    /// Segments, or their confirmations.
+    Segments,
+    /// A block upload's start message.
+    BlockStart,
+    /// Segments of a block, or their acknowledgement: the sender's bytes are sequence numbers.
+    BlockSegments,
+    /// The end message.
+    BlockEnd,
+    /// The answer to the end message.
+    BlockEndAnswer,
+}
+
+/// One transfer.
+#[derive(Debug, Clone)]
+pub(super) struct Transfer {
+    pub(super) channel: u16,
+    pub(super) direction: Option<Direction>,
+    pub(super) mode: Option<Mode>,
+    pub(super) object: Option<ObjectAddress>,
+    pub(super) stage: Stage,
+    pub(super) frames: FrameRange,
+    pub(super) frame_count: u64,
+    first_time: Option<i64>,
+    last_time: Option<i64>,
+    pub(super) announced: Option<u32>,
+    /// Bytes counted, kept or not.
+    pub(super) size: u64,
+    pub(super) data: Vec<u8>,
+    pub(super) truncated: bool,
+    /// Toggle bit the next segment should have.
+    toggle: bool,
+    /// The last segment was seen.
+    pub(super) last_seen: bool,
+    pub(super) blocks: Option<Box<Blocks>>,
+    pub(super) outcome: Outcome,
+    pub(super) abort: Option<Abort>,
+    pub(super) cut_start: bool,
+    /// First byte of the frame that opened it, and whether the client sent it.
+    pub(super) opened_by: (u8, bool),
+}
+
+impl Transfer {
+    /// A transfer that `frame` begins.
+    pub(super) fn new(channel: u16, object: Option<ObjectAddress>, frame: &Frame) -> Self {
+        Self {
+            channel,
+            direction: None,
+            mode: None,
+            object,
+            stage: Stage::Initiate,
+            frames: FrameRange::one(frame.number),
+            frame_count: 1,
+            first_time: frame.time.map(|time| time.0),
+            last_time: frame.time.map(|time| time.0),
+            announced: None,
+            size: 0,
+            data: Vec::new(),
+            truncated: false,
+            toggle: false,
+            last_seen: false,
+            blocks: None,
+            outcome: Outcome::Unfinished,
+            abort: None,
+            cut_start: false,
+            opened_by: (0, false),
+        }
+    }
+
+    /// Another frame belongs to it.
+    pub(super) fn add_frame(&mut self, frame: &Frame) {
+        if self.frames.last != frame.number {
+            self.frames.last = frame.number;
+            self.frame_count += 1;
+            self.last_time = frame.time.map(|time| time.0).or(self.last_time);
+        }
+    }
+
+    /// Nanoseconds from first to last frame.
+    pub(super) fn duration(&self) -> Option<i64> {
+        Some(self.last_time?.saturating_sub(self.first_time?))
+    }
+
+    /// Takes data; what is over the limit is counted only.
+    pub(super) fn keep(&mut self, bytes: &[u8]) {
+        self.size += bytes.len() as u64;
+        let room = TRANSFER_DATA_LIMIT.saturating_sub(self.data.len());
+        let kept = bytes.get(..room).unwrap_or(bytes);
+        self.truncated |= kept.len() < bytes.len();
+        self.data.extend_from_slice(kept);
+    }
+
+    /// Takes a segment. One that repeats the toggle bit of the one before is the same again.
+    pub(super) fn take_segment(&mut self, segment: &Segment<'_>) {
+        if self.last_seen {
+            return;
+        }
+        let is_first = self.size == 0 && self.cut_start;
+        if segment.toggle != self.toggle && !is_first {
+            return;
+        }
+        self.toggle = !segment.toggle;
+        self.keep(segment.data);
+        self.last_seen = segment.last;
+    }
+
+    /// The blocks, begun if they were not.
+    pub(super) fn blocks_mut(&mut self) -> &mut Blocks {
+        self.blocks.get_or_insert_default()
+    }
+
+    /// The receiver acknowledged segments of the present block.
+    pub(super) fn acknowledge(&mut self, sequence: u8) {
+        let mut blocks = self.blocks.take().unwrap_or_default();
+        blocks.acknowledge(sequence, |bytes| self.keep(bytes));
+        self.truncated |= blocks.has_gap;
+        self.stage = if blocks.is_complete { Stage::BlockEnd } else { Stage::BlockSegments };
+        self.blocks = Some(blocks);
+    }
+
+    /// The sender's end message.
+    pub(super) fn end_blocks(&mut self, unused: u8, crc: u16) {
+        let mut blocks = self.blocks.take().unwrap_or_default();
+        blocks.end(unused, crc, self.cut_start, |bytes| self.keep(bytes));
+        self.blocks = Some(blocks);
+        self.stage = Stage::BlockEndAnswer;
+    }
+
+    /// CRC verdict of a block transfer that came to its end message.
+    pub(super) fn crc(&self) -> Option<Crc> {
+        self.blocks.as_ref().and_then(|blocks| blocks.verdict())
+    }
+
+    /// Whether the data is all of the value although the transfer's first frames are missing: an
+    /// expedited answer holds it whole.
+    pub(super) fn value_is_whole(&self) -> bool {
+        self.mode == Some(Mode::Expedited) && self.direction == Some(Direction::Upload)
+    }
+
+    /// Bytes held.
+    pub(super) fn footprint(&self) -> usize {
+        size_of::<Self>()
+            + self.data.capacity()
+            + self.blocks.as_ref().map_or(0, |blocks| size_of::<Blocks>() + blocks.footprint())
+    }
+}

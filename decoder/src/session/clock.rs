@@ -1,0 +1,151 @@
+//! Time of one bus: monotonic, whatever the stamps do, and its silences.
+
+use crate::frame::Timestamp;
+
+/// A backward step below this is jitter between stamps: time stands still until they catch up. A longer
+/// one is a clock that was set: time goes on from where it was.
+const JITTER: i64 = 1_000_000_000;
+
+/// Periodic messages that make a pattern.
+const PATTERN: u32 = 256;
+
+/// Bounds of the silence limit in nanoseconds.
+const SHORTEST_SILENCE: i64 = 200_000_000;
+const LONGEST_SILENCE: i64 = 10_000_000_000;
+
+/// Monotonic time and the pattern of periodic traffic.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Clock {
+    last_stamp: Option<i64>,
+    offset: i64,
+    now: i64,
+    periodic: Periodic,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Periodic {
+    last: i64,
+    longest_before: i64,
+    longest: i64,
+    count: u32,
+    limit: Option<i64>,
+}
+
+/// What a stamp brings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Advance {
+    /// Monotonic time.
+    pub(super) now: i64,
+    /// Stamp less the one before, where negative.
+    pub(super) step: Option<i64>,
+    /// Nanoseconds without any frame, where longer than the pattern of periodic traffic allows, and the
+    /// limit it went beyond.
+    pub(super) silence: Option<(i64, i64)>,
+}
+
+impl Clock {
+    /// Takes the stamp of the next frame.
+    #[inline]
+    pub(super) fn advance(&mut self, stamp: Timestamp) -> Advance {
+        let Some(last_stamp) = self.last_stamp.replace(stamp.0) else {
+            self.now = stamp.0;
+            return Advance { now: self.now, step: None, silence: None };
+        };
+        let mut step = None;
+        if stamp.0 < last_stamp {
+            let difference = stamp.0.saturating_sub(last_stamp);
+            if difference < -JITTER {
+                self.offset = self.now.saturating_sub(stamp.0);
+            }
+            step = Some(difference);
+        }
+        let before = self.now;
+        self.now = before.max(stamp.0.saturating_add(self.offset));
+        let gap = self.now.saturating_sub(before);
+        let silence = match self.periodic.limit {
+            Some(limit) if gap > limit => {
+                // A silence is no pattern: the next interval does not count.
+                self.periodic.last = self.now;
+                Some((gap, limit))
+            }
+            _ => None,
+        };
+        Advance { now: self.now, step, silence }
+    }
+
+    /// Monotonic time in nanoseconds.
+    pub(super) fn now(&self) -> i64 {
+        self.now
+    }
+
+    /// Monotonic time as a stamp of the capture's clock.
+    pub(super) fn stamp_of(&self, time: i64) -> Option<Timestamp> {
+        self.last_stamp.map(|_| Timestamp(time.saturating_sub(self.offset)))
+    }
+
+    /// Whether frames carry times.
+    pub(super) fn runs(&self) -> bool {
+        self.last_stamp.is_some()
+    }
+
+    /// A message that comes by itself (PDO, SYNC, heartbeat, guarding) was seen now.
+    #[inline]
+    pub(super) fn saw_periodic(&mut self) {
+        let periodic = &mut self.periodic;
+        let interval = self.now.saturating_sub(periodic.last);
+        periodic.last = self.now;
+        if periodic.count != 0 {
+            periodic.longest = periodic.longest.max(interval);
+        }
+        periodic.count += 1;
+        if periodic.count >= PATTERN {
+            let longest = periodic.longest.max(periodic.longest_before);
+            periodic.limit = Some(longest.saturating_mul(3).clamp(SHORTEST_SILENCE, LONGEST_SILENCE));
+            periodic.longest_before = periodic.longest;
+            periodic.longest = 0;
+            periodic.count = 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: i64 = 1_000_000;
+
+    fn at(clock: &mut Clock, milliseconds: i64) -> Advance {
+        clock.advance(Timestamp(milliseconds * MS))
+    }
+
+    #[test]
+    fn small_backward_steps_stop_time_and_large_ones_shift_it() {
+        let mut clock = Clock::default();
+        at(&mut clock, 5_000);
+        let back = at(&mut clock, 4_990);
+        assert_eq!((back.now, back.step), (5_000 * MS, Some(-10 * MS)));
+        assert_eq!(at(&mut clock, 5_010).now, 5_010 * MS);
+        let set = at(&mut clock, 1_000);
+        assert_eq!((set.now, set.step), (5_010 * MS, Some(-4_010 * MS)));
+        assert_eq!(at(&mut clock, 1_020).now, 5_030 * MS);
+        assert_eq!(clock.stamp_of(5_030 * MS), Some(Timestamp(1_020 * MS)));
+    }
+
+    #[test]
+    fn a_stop_of_periodic_traffic_is_a_silence() {
+        let mut clock = Clock::default();
+        for index in 0..300 {
+            assert_eq!(at(&mut clock, index * 10).silence, None);
+            clock.saw_periodic();
+        }
+        assert_eq!(at(&mut clock, 2_990 + 150).silence, None);
+        assert_eq!(at(&mut clock, 6_140).silence, Some((3_000 * MS, 200 * MS)));
+    }
+
+    #[test]
+    fn without_periodic_traffic_nothing_is_a_silence() {
+        let mut clock = Clock::default();
+        at(&mut clock, 0);
+        assert_eq!(at(&mut clock, 60_000).silence, None);
+    }
+}

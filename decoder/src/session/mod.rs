@@ -1,0 +1,79 @@
+//! Messages to events: everything that is remembered about a bus.
+//!
+//! ```text
+//! Frame ─Bus::push─▶ clock, deadlines ─▶ route of its identifier ─▶ service handler ─▶ Observer::event
+//! ```
+//!
+//! A [`Bus`] is cloneable and holds no handles: a clone is a checkpoint. Everything it keeps is bounded;
+//! what must be given up says so as an `evicted` event.
+
+mod belief;
+mod bus;
+mod canopen;
+mod clock;
+mod node;
+mod routes;
+mod store;
+mod timers;
+
+pub use bus::Bus;
+pub use node::{Node, NmtStatus};
+pub use store::{Entry, Origin, OriginKind, Store};
+
+use crate::event::Event;
+
+/// Data kept of one SDO transfer, in bytes.
+pub const TRANSFER_DATA_LIMIT: usize = 64 * 1024;
+/// Data kept of all open transfers of a bus, in bytes.
+pub const OPEN_DATA_LIMIT: usize = 4 * 1024 * 1024;
+/// SDO channels of a bus, so also open transfers.
+pub const CHANNEL_LIMIT: usize = 256;
+/// Active errors of a node.
+pub const ACTIVE_ERROR_LIMIT: usize = 64;
+/// 29-bit identifiers of a bus that are kept apart.
+pub const EXTENDED_ID_LIMIT: usize = 4096;
+/// Objects of a node in the store.
+pub const OBJECT_LIMIT: usize = 4096;
+/// Bytes of one object's value in the store.
+pub const OBJECT_VALUE_LIMIT: usize = 1024;
+
+/// Takes events as they happen.
+pub trait Observer {
+    /// `event` happened on `bus`, which is shown as it is behind it.
+    fn event(&mut self, event: &Event, bus: &Bus);
+}
+
+impl<F: FnMut(&Event, &Bus)> Observer for F {
+    fn event(&mut self, event: &Event, bus: &Bus) {
+        self(event, bus);
+    }
+}
+
+/// Which protocol the traffic is taken for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum ProtocolChoice {
+    /// By evidence.
+    #[default]
+    Auto,
+    /// CANopen, whatever the evidence.
+    Canopen,
+    /// Nothing: frames only.
+    None,
+}
+
+/// What the caller states about a bus.
+#[derive(Debug, Clone)]
+pub struct SessionOptions {
+    /// Protocol.
+    pub protocol: ProtocolChoice,
+    /// Nanoseconds after which an SDO transfer without a further frame counts as unanswered.
+    pub sdo_silence: i64,
+    /// Names the user gave to nodes, by node-ID.
+    pub node_names: Vec<(u8, String)>,
+}
+
+impl Default for SessionOptions {
+    fn default() -> Self {
+        Self { protocol: ProtocolChoice::Auto, sdo_silence: 1_000_000_000, node_names: Vec::new() }
+    }
+}

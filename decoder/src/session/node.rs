@@ -1,0 +1,196 @@
+//! What is known of one CANopen node.
+
+use std::sync::Arc;
+
+use super::store::Store;
+use super::ACTIVE_ERROR_LIMIT;
+use crate::event::{Certainty, StateCause};
+use crate::frame::Timestamp;
+use crate::wire::canopen::NmtState;
+
+/// NMT state with its certainty.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NmtStatus {
+    /// The state.
+    pub state: NmtState,
+    /// How sure it is.
+    pub certainty: Certainty,
+    /// What told it last.
+    pub cause: StateCause,
+    /// Frame that brought the state.
+    pub frame: u64,
+    /// Monotonic nanoseconds of that frame.
+    pub(super) since: i64,
+}
+
+/// Heartbeat of a node.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Heartbeat {
+    /// Monotonic time of the last one; `None` before the first and after a reset.
+    pub(super) last: Option<i64>,
+    /// The last intervals, newest first, zero = none.
+    pub(super) intervals: [i64; 4],
+    /// Monotonic deadline, `None` = not monitored.
+    pub(super) deadline: Option<i64>,
+    /// An entry is in the timer queue.
+    pub(super) queued: bool,
+    /// Producer time (object 0x1017) in nanoseconds as learnt; 0 = switched off.
+    pub(super) configured: Option<i64>,
+}
+
+impl Heartbeat {
+    /// The interval to expect: configured, else the longest of the last four once there are four.
+    pub(super) fn expected(&self) -> Option<i64> {
+        match self.configured {
+            Some(0) => None,
+            Some(time) => Some(time),
+            None if self.intervals.contains(&0) => None,
+            None => self.intervals.iter().copied().max(),
+        }
+    }
+}
+
+/// Guarding of a node.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Guarding {
+    /// A request waits for its reply.
+    pub(super) is_open: bool,
+    /// Requests without reply in a row.
+    pub(super) missed: u8,
+    /// Toggle bit of the last reply.
+    pub(super) toggle: Option<bool>,
+    /// Monotonic time of the last reply.
+    pub(super) last_reply: Option<i64>,
+    /// Any request was seen.
+    pub(super) seen: bool,
+}
+
+/// One node.
+#[derive(Debug, Clone)]
+pub struct Node {
+    /// Node-ID.
+    pub(super) id: u8,
+    /// Name the user gave it.
+    pub(super) name: Option<Arc<str>>,
+    /// NMT state; `None` = unknown.
+    pub(super) nmt: Option<NmtStatus>,
+    /// A PDO of this node needs a closer look: its state is not confirmed operational, or it is lost.
+    pub(super) attention: bool,
+    /// It is reported as lost.
+    pub(super) lost: bool,
+    /// Last frame it sent, and when.
+    pub(super) last_frame: u64,
+    pub(super) last_seen: Option<Timestamp>,
+    /// Monotonic time of its last frame.
+    pub(super) last_heard: i64,
+    /// Frame of the reset command since its last boot-up.
+    pub(super) reset_frame: Option<u64>,
+    /// Booted, and no EMCY since.
+    pub(super) just_booted: bool,
+    /// Boot-ups seen.
+    pub(super) boots: u32,
+    pub(super) heartbeat: Heartbeat,
+    pub(super) guarding: Guarding,
+    /// Active error codes, oldest first.
+    pub(super) active_errors: Vec<u16>,
+    pub(super) last_error: Option<u16>,
+    /// Parameters were saved (1010) since the last download.
+    pub(super) saved: bool,
+    pub(super) store: Arc<Store>,
+}
+
+impl Node {
+    pub(super) fn new(id: u8, name: Option<Arc<str>>) -> Self {
+        Self {
+            id,
+            name,
+            nmt: None,
+            attention: true,
+            lost: false,
+            last_frame: 0,
+            last_seen: None,
+            last_heard: 0,
+            reset_frame: None,
+            just_booted: false,
+            boots: 0,
+            heartbeat: Heartbeat::default(),
+            guarding: Guarding::default(),
+            active_errors: Vec::new(),
+            last_error: None,
+            saved: false,
+            store: Arc::default(),
+        }
+    }
+
+    /// Node-ID, 1..=127.
+    pub fn id(&self) -> u8 {
+        self.id
+    }
+
+    /// Name the user gave it.
+    pub fn name(&self) -> Option<&str> {
+        self.name.as_deref()
+    }
+
+    /// NMT state; `None` = unknown.
+    pub fn nmt(&self) -> Option<NmtStatus> {
+        self.nmt
+    }
+
+    /// Boot-ups seen.
+    pub fn boots(&self) -> u32 {
+        self.boots
+    }
+
+    /// Codes of errors raised and not cleared; an upper bound where the device does not clear each.
+    pub fn active_errors(&self) -> &[u16] {
+        &self.active_errors
+    }
+
+    /// Number of the last frame it sent, and its time.
+    pub fn last_seen(&self) -> (u64, Option<Timestamp>) {
+        (self.last_frame, self.last_seen)
+    }
+
+    /// Whether it is silent longer than its monitoring allows.
+    pub fn is_lost(&self) -> bool {
+        self.lost
+    }
+
+    /// Interval expected between heartbeats, in nanoseconds: configured, else learnt.
+    pub fn heartbeat_interval(&self) -> Option<i64> {
+        self.heartbeat.expected()
+    }
+
+    /// Its objects.
+    pub fn store(&self) -> &Store {
+        &self.store
+    }
+
+    /// Sets `attention` from the rest.
+    pub(super) fn refresh_attention(&mut self) {
+        let settled = self.nmt.is_some_and(|nmt| {
+            nmt.state == NmtState::Operational && nmt.certainty == Certainty::Confirmed
+        });
+        self.attention = !settled || self.lost;
+    }
+
+    /// Adds an active error; `false` when an old one had to go.
+    pub(super) fn raise(&mut self, code: u16) -> bool {
+        self.last_error = Some(code);
+        if self.active_errors.contains(&code) {
+            return true;
+        }
+        let fits = self.active_errors.len() < ACTIVE_ERROR_LIMIT;
+        if !fits {
+            self.active_errors.remove(0);
+        }
+        self.active_errors.push(code);
+        fits
+    }
+
+    /// Bytes held, the store apart.
+    pub(super) fn footprint(&self) -> usize {
+        size_of::<Self>() + self.active_errors.capacity() * 2
+    }
+}

@@ -1,0 +1,179 @@
+//! What each identifier means now.
+
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
+
+use foldhash::fast::FixedState;
+
+use super::EXTENDED_ID_LIMIT;
+use crate::event::Event;
+use crate::frame::CanId;
+use crate::profile::{Owner, PdoName, connection_set};
+use crate::wire::canopen::sdo::Side;
+
+/// Service and node of an identifier.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Service {
+    /// Nobody's.
+    Unclassified,
+    /// Named, not decoded.
+    Named(&'static str),
+    Nmt,
+    Sync,
+    Time,
+    /// EMCY of a node-ID.
+    Emcy(u8),
+    /// PDO of a node-ID.
+    Pdo(PdoName, u8),
+    /// A side of an SDO channel.
+    Sdo(Side, u16),
+    /// Heartbeat, boot-up and guarding of a node-ID.
+    ErrorControl(u8),
+    /// LSS; `true` = from the master.
+    Lss(bool),
+}
+
+/// State of one identifier that was seen.
+#[derive(Debug, Clone)]
+pub(super) struct Slot {
+    pub(super) service: Service,
+    /// The event of its last PDO, updated in place: no allocation a frame.
+    pub(super) pdo: Option<Box<Event>>,
+}
+
+const NO_SLOT: u16 = u16::MAX;
+
+/// Routes of one bus.
+#[derive(Debug, Clone)]
+pub(super) struct Routes {
+    /// Slot of each 11-bit identifier.
+    standard: Box<[u16; 2048]>,
+    /// Slot of 29-bit identifiers.
+    extended: HashMap<u32, u16, FixedState>,
+    slots: Vec<Slot>,
+    /// Services learnt on the wire or given by the user, by identifier; they go before the defaults.
+    learnt: Arc<BTreeMap<CanId, Service>>,
+}
+
+impl Default for Routes {
+    fn default() -> Self {
+        Self {
+            standard: Box::new([NO_SLOT; 2048]),
+            extended: HashMap::default(),
+            slots: Vec::new(),
+            learnt: Arc::default(),
+        }
+    }
+}
+
+/// What an identifier's first frame is routed to before channels are known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Origin {
+    /// Learnt or given.
+    Learnt(Service),
+    /// By the predefined connection set.
+    Default(Owner),
+}
+
+impl Routes {
+    /// Slot of an identifier, if it was seen.
+    #[inline]
+    pub(super) fn find(&self, id: CanId) -> Option<usize> {
+        let slot = match id {
+            CanId::Standard(id) => self.standard.get(usize::from(id)).copied()?,
+            CanId::Extended(id) => self.extended.get(&id).copied()?,
+        };
+        (slot != NO_SLOT).then_some(usize::from(slot))
+    }
+
+    #[inline]
+    pub(super) fn slot(&self, index: usize) -> Option<&Slot> {
+        self.slots.get(index)
+    }
+
+    #[inline]
+    pub(super) fn slot_mut(&mut self, index: usize) -> Option<&mut Slot> {
+        self.slots.get_mut(index)
+    }
+
+    /// What an identifier means before its first frame.
+    pub(super) fn origin(&self, id: CanId) -> Origin {
+        if let Some(service) = self.learnt.get(&id) {
+            return Origin::Learnt(*service);
+        }
+        match id {
+            CanId::Standard(id) => Origin::Default(connection_set().owner(id)),
+            CanId::Extended(_) => Origin::Default(Owner::Unclassified),
+        }
+    }
+
+    /// Makes the slot of an identifier; `None` when there are too many of 29 bits.
+    pub(super) fn add(&mut self, id: CanId, service: Service) -> Option<usize> {
+        let index = self.slots.len();
+        let slot = u16::try_from(index).ok()?;
+        match id {
+            CanId::Standard(id) => *self.standard.get_mut(usize::from(id))? = slot,
+            CanId::Extended(id) => {
+                if self.extended.len() >= EXTENDED_ID_LIMIT {
+                    return None;
+                }
+                self.extended.insert(id, slot);
+            }
+        }
+        self.slots.push(Slot { service, pdo: None });
+        Some(index)
+    }
+
+    /// From now on `id` is `service`.
+    pub(super) fn learn(&mut self, id: CanId, service: Service) {
+        if self.learnt.get(&id) == Some(&service) {
+            return;
+        }
+        if self.learnt.len() < EXTENDED_ID_LIMIT {
+            Arc::make_mut(&mut self.learnt).insert(id, service);
+            self.reroute(id, service);
+        }
+    }
+
+    /// Takes back what was learnt of `id`; a default that `replaces` it holds again.
+    pub(super) fn forget(&mut self, id: CanId, service: Service, replaces: Service) {
+        if self.learnt.get(&id) == Some(&service) {
+            Arc::make_mut(&mut self.learnt).remove(&id);
+            self.reroute(id, replaces);
+        }
+    }
+
+    fn reroute(&mut self, id: CanId, service: Service) {
+        if let Some(slot) = self.find(id).and_then(|index| self.slots.get_mut(index)) {
+            *slot = Slot { service, pdo: None };
+        }
+    }
+
+    /// Identifier learnt for a service.
+    pub(super) fn learnt_id(&self, service: Service) -> Option<CanId> {
+        self.learnt.iter().find(|(_, learnt)| **learnt == service).map(|(id, _)| *id)
+    }
+
+    /// Everything learnt, for moving it.
+    pub(super) fn learnt(&self) -> Vec<(CanId, Service)> {
+        self.learnt.iter().map(|(id, service)| (*id, *service)).collect()
+    }
+
+    /// Drops the prepared events of a PDO, so that its next one has the present layout.
+    pub(super) fn refresh_pdo(&mut self, name: PdoName, node: u8) {
+        for slot in &mut self.slots {
+            if slot.service == Service::Pdo(name, node) {
+                slot.pdo = None;
+            }
+        }
+    }
+
+    /// Bytes held.
+    pub(super) fn footprint(&self) -> usize {
+        let events = self.slots.iter().filter(|slot| slot.pdo.is_some()).count() * size_of::<Event>();
+        size_of::<[u16; 2048]>()
+            + self.extended.capacity() * 8
+            + self.slots.capacity() * size_of::<Slot>()
+            + events
+    }
+}

@@ -1,0 +1,152 @@
+//! The object store of one node: what is known of its objects, and from where.
+
+use std::collections::HashMap;
+
+use foldhash::fast::FixedState;
+
+use super::{OBJECT_LIMIT, OBJECT_VALUE_LIMIT};
+use crate::frame::Timestamp;
+use crate::wire::canopen::ObjectAddress;
+
+/// Where a value comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OriginKind {
+    /// Written by SDO and confirmed by the server.
+    Download,
+    /// Read by SDO.
+    Upload,
+}
+
+impl OriginKind {
+    /// The name used in all output.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Download => "download",
+            Self::Upload => "upload",
+        }
+    }
+}
+
+/// Origin of a value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Origin {
+    /// How it was learnt.
+    pub kind: OriginKind,
+    /// Frame that confirmed it.
+    pub frame: u64,
+    /// When.
+    pub time: Option<Timestamp>,
+}
+
+/// One object's value.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Entry {
+    /// Bytes, cut at 1 KiB.
+    pub value: Vec<u8>,
+    /// Size of the whole value in bytes.
+    pub size: u64,
+    /// Where it comes from.
+    pub origin: Origin,
+    /// The node restarted since: the value may have gone back to what was stored.
+    pub stale: bool,
+}
+
+/// Objects of a node by address.
+#[derive(Debug, Clone, Default)]
+pub struct Store {
+    entries: HashMap<ObjectAddress, Entry, FixedState>,
+    bytes: usize,
+}
+
+impl Store {
+    /// The value at an address.
+    pub fn get(&self, address: ObjectAddress) -> Option<&Entry> {
+        self.entries.get(&address)
+    }
+
+    /// A value of up to eight bytes as a number, least significant byte first.
+    pub fn number(&self, address: ObjectAddress) -> Option<u64> {
+        let value = &self.get(address)?.value;
+        (!value.is_empty() && value.len() <= 8).then(|| crate::profile::little_endian(value))
+    }
+
+    /// Puts a value in; gives the one before. `Err` when the node has too many objects.
+    pub(super) fn set(
+        &mut self,
+        address: ObjectAddress,
+        value: &[u8],
+        origin: Origin,
+    ) -> Result<Option<Entry>, StoreFull> {
+        if self.entries.len() >= OBJECT_LIMIT && !self.entries.contains_key(&address) {
+            return Err(StoreFull);
+        }
+        let kept = value.get(..OBJECT_VALUE_LIMIT).unwrap_or(value).to_vec();
+        self.bytes += kept.len();
+        let entry = Entry { value: kept, size: value.len() as u64, origin, stale: false };
+        let before = self.entries.insert(address, entry);
+        if let Some(before) = &before {
+            self.bytes = self.bytes.saturating_sub(before.value.len());
+        }
+        Ok(before)
+    }
+
+    /// Marks every value as possibly outdated.
+    pub(super) fn mark_stale(&mut self) {
+        for entry in self.entries.values_mut() {
+            entry.stale = true;
+        }
+    }
+
+    /// All objects in order of their address.
+    pub fn sorted(&self) -> Vec<(ObjectAddress, &Entry)> {
+        let mut all: Vec<_> = self.entries.iter().map(|(address, entry)| (*address, entry)).collect();
+        all.sort_unstable_by_key(|(address, _)| *address);
+        all
+    }
+
+    /// Number of objects.
+    pub fn len(&self) -> usize {
+        self.entries.len()
+    }
+
+    /// Whether nothing is known.
+    pub fn is_empty(&self) -> bool {
+        self.entries.is_empty()
+    }
+
+    /// Bytes held.
+    pub(super) fn footprint(&self) -> usize {
+        self.bytes + self.entries.capacity() * size_of::<(ObjectAddress, Entry)>()
+    }
+}
+
+/// The node has [`OBJECT_LIMIT`] objects already.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct StoreFull;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ORIGIN: Origin = Origin { kind: OriginKind::Download, frame: 7, time: None };
+
+    #[test]
+    fn values_replace_each_other_and_read_as_numbers() {
+        let mut store = Store::default();
+        let address = ObjectAddress::new(0x1017, 0);
+        assert_eq!(store.set(address, &[0xE8, 3], ORIGIN), Ok(None));
+        assert_eq!(store.number(address), Some(1000));
+        let before = store.set(address, &[0, 0], ORIGIN).unwrap().unwrap();
+        assert_eq!(before.value, [0xE8, 3]);
+    }
+
+    #[test]
+    fn the_number_of_objects_is_bounded() {
+        let mut store = Store::default();
+        for index in 0..u16::try_from(OBJECT_LIMIT).unwrap() {
+            store.set(ObjectAddress::new(index, 0), &[0], ORIGIN).unwrap();
+        }
+        assert_eq!(store.set(ObjectAddress::new(0xFFFF, 0), &[0], ORIGIN), Err(StoreFull));
+        assert!(store.set(ObjectAddress::new(0, 0), &[1], ORIGIN).is_ok());
+    }
+}
