@@ -1,8 +1,10 @@
 //! CAN captures to annotated CANopen events.
 pub mod capture;
-pub mod frame;
-pub mod wire;
-pub mod profile;
 pub mod decoder;
 pub mod event;
+pub mod frame;
+pub mod profile;
+pub mod query;
 pub mod session;
+pub mod sink;
+pub mod wire;

@@ -143,7 +143,9 @@ impl Object {
     fn covers(&self, index: u16) -> bool {
         let repeat = self.repeat.unwrap_or(Repeat { count: 1, stride: 1 });
         match index.checked_sub(self.index) {
-            Some(distance) => distance % repeat.stride.max(1) == 0 && distance / repeat.stride.max(1) < repeat.count,
+            Some(distance) => {
+                distance % repeat.stride.max(1) == 0 && distance / repeat.stride.max(1) < repeat.count
+            }
             None => false,
         }
     }
@@ -161,9 +163,7 @@ impl ObjectEntry<'_> {
     /// The value of `data`; bytes where the type is unknown.
     pub fn decode(&self, data: &[u8]) -> Value {
         match self.data_type {
-            _ if self.format == Format::Ascii => {
-                DataType::VisibleString.decode(data)
-            }
+            _ if self.format == Format::Ascii => DataType::VisibleString.decode(data),
             Some(data_type) => data_type.decode(data),
             None => Value::Bytes(data.to_vec()),
         }

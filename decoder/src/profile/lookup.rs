@@ -69,9 +69,10 @@ impl Bits {
 
     /// Plain texts of the bits set in `value`, low to high.
     pub fn texts(&self, value: u32) -> impl Iterator<Item = &str> {
-        self.0.iter().filter(move |entry| value & entry.bit != 0).map(|entry| {
-            if entry.text.is_empty() { entry.name.as_str() } else { entry.text.as_str() }
-        })
+        self.0
+            .iter()
+            .filter(move |entry| value & entry.bit != 0)
+            .map(|entry| if entry.text.is_empty() { entry.name.as_str() } else { entry.text.as_str() })
     }
 
     /// Plain text of the entry that equals `value`.

@@ -10,11 +10,13 @@ mod layout;
 mod lookup;
 
 pub use connection_set::{ConnectionSet, Owner, connection_set};
-pub use data_type::{DataType, Value};
 pub(crate) use data_type::little_endian;
+pub use data_type::{DataType, Value};
 pub use dictionary::{Dictionary, Format, ObjectEntry, communication_objects};
 pub use layout::{Field, Layout, PdoDirection, PdoName, RawValue, Signal};
-pub use lookup::{Bits, CanErrors, Code, Codes, LssNames, abort_codes, can_errors, emcy_codes, error_register, lss};
+pub use lookup::{
+    Bits, CanErrors, Code, Codes, LssNames, abort_codes, can_errors, emcy_codes, error_register, lss,
+};
 
 mod embedded {
     include!(concat!(env!("OUT_DIR"), "/profiles.rs"));

@@ -103,7 +103,9 @@ impl Belief {
             let count = self.contradictions;
             format!("{count} frames contradict it (identifier 000 not of 2 bytes, or 701 to 77F not of 1)")
         } else {
-            format!("no heartbeat, NMT command or SDO answer within {UNSUPPORTED_LIMIT} frames on PDO and EMCY identifiers")
+            format!(
+                "no heartbeat, NMT command or SDO answer within {UNSUPPORTED_LIMIT} frames on PDO and EMCY identifiers"
+            )
         }
     }
 

@@ -308,24 +308,27 @@ impl Bus {
     }
 
     /// Whether a frame on a CANopen identifier is decoded; else it is passed on undecoded. Says once
-    /// what stands behind it.
+    /// when events are only presumed.
     pub(super) fn is_decoded(&mut self, frame: &Frame, out: &mut dyn Observer) -> bool {
-        match self.belief.standing() {
-            Standing::Believed => return true,
-            Standing::Presumed => {
-                if !std::mem::replace(&mut self.said.presumed, true) {
-                    let text = "no sign of CANopen yet: read by the predefined identifiers, marked ?";
-                    self.note(frame, text.into(), out);
-                }
-                return true;
-            }
-            Standing::Doubted => {}
+        if self.belief.standing() == Standing::Presumed && !std::mem::replace(&mut self.said.presumed, true) {
+            let text = "no sign of CANopen yet: read by the predefined identifiers, marked ?";
+            self.note(frame, text.into(), out);
+        }
+        self.is_followed(frame, out)
+    }
+
+    /// The same for frames that make no event by themselves.
+    pub(super) fn is_followed(&mut self, frame: &Frame, out: &mut dyn Observer) -> bool {
+        if self.belief.standing() != Standing::Doubted {
+            return true;
         }
         if self.options.protocol == super::ProtocolChoice::Auto
             && !std::mem::replace(&mut self.said.doubted, true)
         {
             let reason = self.belief.reason();
-            let text = format!("not taken for CANopen: {reason}; frames stay undecoded, --protocol canopen decodes them");
+            let text = format!(
+                "not taken for CANopen: {reason}; frames stay undecoded, --protocol canopen decodes them"
+            );
             self.note(frame, text, out);
         }
         self.undecoded(frame, None, out);
@@ -348,7 +351,14 @@ impl Bus {
     }
 
     /// Emits an event about one frame and a node.
-    pub(super) fn emit(&self, frame: &Frame, node: u8, routine: bool, kind: EventKind, out: &mut dyn Observer) {
+    pub(super) fn emit(
+        &self,
+        frame: &Frame,
+        node: u8,
+        routine: bool,
+        kind: EventKind,
+        out: &mut dyn Observer,
+    ) {
         let mut event = self.event(frame, kind);
         event.node = (node != 0).then_some(node);
         event.routine = routine;

@@ -17,7 +17,7 @@ mod store;
 mod timers;
 
 pub use bus::Bus;
-pub use node::{Node, NmtStatus};
+pub use node::{NmtStatus, Node};
 pub use store::{Entry, Origin, OriginKind, Store};
 
 use crate::event::Event;

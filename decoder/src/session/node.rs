@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use super::store::Store;
 use super::ACTIVE_ERROR_LIMIT;
+use super::store::Store;
 use crate::event::{Certainty, StateCause};
 use crate::frame::Timestamp;
 use crate::wire::canopen::NmtState;
@@ -169,9 +169,9 @@ impl Node {
 
     /// Sets `attention` from the rest.
     pub(super) fn refresh_attention(&mut self) {
-        let settled = self.nmt.is_some_and(|nmt| {
-            nmt.state == NmtState::Operational && nmt.certainty == Certainty::Confirmed
-        });
+        let settled = self
+            .nmt
+            .is_some_and(|nmt| nmt.state == NmtState::Operational && nmt.certainty == Certainty::Confirmed);
         self.attention = !settled || self.lost;
     }
 

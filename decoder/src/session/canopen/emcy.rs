@@ -60,7 +60,8 @@ impl Bus {
 
     /// A communication error takes an operational node to pre-operational, presumably.
     fn fall_back(&mut self, id: u8, frame: &Frame, out: &mut dyn Observer) {
-        let operational = self.node(id).and_then(|node| node.nmt).is_some_and(|nmt| nmt.state == NmtState::Operational);
+        let operational =
+            self.node(id).and_then(|node| node.nmt).is_some_and(|nmt| nmt.state == NmtState::Operational);
         if operational {
             self.presume_state(id, NmtState::PreOperational, StateCause::LifeGuard, frame, out);
         }

@@ -86,7 +86,8 @@ impl Bus {
         let unanswered = std::mem::replace(&mut guarding.is_open, true);
         guarding.missed = if unanswered { guarding.missed.saturating_add(1) } else { 0 };
         let limit = life_factor.and_then(|factor| u8::try_from(factor).ok()).filter(|factor| *factor > 0);
-        let is_lost = guarding.missed >= limit.unwrap_or(UNANSWERED) && guarding.last_reply.is_some() && !node.lost;
+        let is_lost =
+            guarding.missed >= limit.unwrap_or(UNANSWERED) && guarding.last_reply.is_some() && !node.lost;
         let gap = guarding.last_reply.map_or(0, |last| now.saturating_sub(last));
         self.emit(frame, id, !first, EventKind::GuardRequest, out);
         if is_lost {

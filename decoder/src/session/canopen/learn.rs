@@ -20,11 +20,7 @@ fn identifier(cob_id: u64) -> Option<CanId> {
     if cob_id & INVALID != 0 {
         return None;
     }
-    Some(if cob_id & EXTENDED != 0 {
-        CanId::extended(cob_id as u32)
-    } else {
-        CanId::standard(cob_id as u16)
-    })
+    Some(if cob_id & EXTENDED != 0 { CanId::extended(cob_id as u32) } else { CanId::standard(cob_id as u16) })
 }
 
 impl Bus {
@@ -49,7 +45,8 @@ impl Bus {
                 let changed = before.as_ref().is_none_or(|before| before.value != value);
                 if changed && kind == OriginKind::Download {
                     let from = before.map(|before| before.value);
-                    let change = ObjectChange { object: address, from, to: value.to_vec(), origin: kind.name() };
+                    let change =
+                        ObjectChange { object: address, from, to: value.to_vec(), origin: kind.name() };
                     self.emit(frame, id, true, EventKind::ObjectChange(Box::new(change)), out);
                 }
             }

@@ -43,7 +43,13 @@ impl Bus {
 
     /// A node-ID that was accepted is in force when the slave returns to the waiting state
     /// (CiA 305 §3.9.1: from there it boots with it).
-    fn follow_node_id(&mut self, message: lss::Lss, from_master: bool, frame: &Frame, out: &mut dyn Observer) {
+    fn follow_node_id(
+        &mut self,
+        message: lss::Lss,
+        from_master: bool,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
         match (message.content, from_master) {
             (Content::NodeId(id), true) => self.lss.requested = Some(id),
             (Content::NodeId(id), false) => self.lss.present = Some(id),

@@ -112,7 +112,8 @@ impl Bus {
         let runs = self.clock.runs();
         let Some(node) = self.node_mut(id) else { return };
         let before = node.nmt;
-        let status = NmtStatus { state: to, certainty: Certainty::Confirmed, cause, frame: frame.number, since: now };
+        let status =
+            NmtStatus { state: to, certainty: Certainty::Confirmed, cause, frame: frame.number, since: now };
         let Some(old) = before else {
             node.nmt = Some(status);
             node.refresh_attention();

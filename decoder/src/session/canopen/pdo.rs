@@ -36,7 +36,8 @@ impl Bus {
         let Some(entry) = self.routes.slot_mut(slot) else { return };
         let Some(event) = &mut entry.pdo else { return self.first_pdo(slot, name, id, frame, out) };
         let EventKind::Pdo(pdo) = &mut event.kind else { return };
-        let same = pdo.length == frame.length && pdo.is_request == is_request && pdo.payload() == frame.data();
+        let same =
+            pdo.length == frame.length && pdo.is_request == is_request && pdo.payload() == frame.data();
         event.time = frame.time;
         event.frames = FrameRange::one(frame.number);
         event.presumed = !believed;

@@ -4,8 +4,8 @@ use super::transfer::{Stage, Transfer};
 use crate::event::{Abort, Direction, Mode, Outcome};
 use crate::frame::{CanId, Frame};
 use crate::session::{CHANNEL_LIMIT, OPEN_DATA_LIMIT};
-use crate::wire::canopen::sdo::{Payload, Phase, Sdo, Side};
 use crate::wire::canopen::ObjectAddress;
+use crate::wire::canopen::sdo::{Payload, Phase, Sdo, Side};
 
 /// A pair of identifiers between one client and one server.
 #[derive(Debug, Clone)]
@@ -57,7 +57,10 @@ impl Channels {
         response: CanId,
         client: Option<u8>,
     ) -> Option<u16> {
-        let known = self.channels.iter().position(|channel| (channel.server, channel.parameter) == (server, parameter));
+        let known = self
+            .channels
+            .iter()
+            .position(|channel| (channel.server, channel.parameter) == (server, parameter));
         let index = match known {
             Some(index) => index,
             None if self.channels.len() < CHANNEL_LIMIT => {
@@ -106,9 +109,12 @@ impl Channels {
     /// In which phase a side of the channel is.
     pub(super) fn phase(&self, channel: u16, side: Side) -> Option<Phase> {
         let transfer = self.get(channel)?.transfer.as_deref();
-        let sender = transfer.filter(|transfer| transfer.stage == Stage::BlockSegments).and_then(|t| t.direction);
+        let sender =
+            transfer.filter(|transfer| transfer.stage == Stage::BlockSegments).and_then(|t| t.direction);
         Some(match (sender, side) {
-            (Some(Direction::Download), Side::Client) | (Some(Direction::Upload), Side::Server) => Phase::BlockSegments,
+            (Some(Direction::Download), Side::Client) | (Some(Direction::Upload), Side::Server) => {
+                Phase::BlockSegments
+            }
             _ => Phase::Commands,
         })
     }
@@ -156,7 +162,8 @@ impl Channels {
 
     /// Takes out all open transfers, with their servers, in the order they began.
     pub(super) fn drain(&mut self) -> Vec<(u8, Box<Transfer>)> {
-        let open = self.channels.iter_mut().filter_map(|channel| Some((channel.server, channel.transfer.take()?)));
+        let open =
+            self.channels.iter_mut().filter_map(|channel| Some((channel.server, channel.transfer.take()?)));
         let mut open: Vec<_> = open.collect();
         open.sort_by_key(|(_, transfer)| transfer.frames.first);
         open
@@ -170,7 +177,8 @@ impl Channels {
     /// Bytes held.
     pub(in crate::session) fn footprint(&self) -> usize {
         let open = self.channels.iter().filter_map(|channel| channel.transfer.as_ref());
-        self.channels.capacity() * size_of::<Channel>() + open.map(|transfer| transfer.footprint()).sum::<usize>()
+        self.channels.capacity() * size_of::<Channel>()
+            + open.map(|transfer| transfer.footprint()).sum::<usize>()
     }
 
     /// A command byte nobody knows; it may be a segment of a block whose beginning was not seen.
@@ -244,15 +252,24 @@ impl Channel {
             transfer.opened_by = (command, side == Side::Client);
         }
         let own = if is_over { self.transfer.take() } else { None };
-        [superseded, own.map(|mut transfer| {
-            transfer.outcome = Outcome::Complete;
-            transfer
-        })]
+        [
+            superseded,
+            own.map(|mut transfer| {
+                transfer.outcome = Outcome::Complete;
+                transfer
+            }),
+        ]
     }
 
     /// A capture that begins within a block shows bytes that read as commands. Two frames of one side in
     /// a row whose first bytes count up are segments: SDO commands never follow each other unanswered.
-    fn block_start_not_seen(&mut self, index: u16, side: Side, command: u8, frame: &Frame) -> Option<Finished> {
+    fn block_start_not_seen(
+        &mut self,
+        index: u16,
+        side: Side,
+        command: u8,
+        frame: &Frame,
+    ) -> Option<Finished> {
         let transfer = self.transfer.as_mut()?;
         let (before, by_client) = transfer.opened_by;
         let counts_up = command & 0x7F == (before & 0x7F).wrapping_add(1) && before < 0x80;
@@ -274,7 +291,14 @@ impl Channel {
         Some([None, None])
     }
 
-    fn abort(&mut self, index: u16, side: Side, object: ObjectAddress, code: u32, frame: &Frame) -> Box<Transfer> {
+    fn abort(
+        &mut self,
+        index: u16,
+        side: Side,
+        object: ObjectAddress,
+        code: u32,
+        frame: &Frame,
+    ) -> Box<Transfer> {
         let mut transfer =
             self.transfer.take().unwrap_or_else(|| Box::new(Transfer::new(index, Some(object), frame)));
         transfer.add_frame(frame);
@@ -351,7 +375,8 @@ impl Channel {
                 self.open_or_cut(index, Direction::Upload, Mode::Segmented, frame);
             }
             Sdo::EndBlockDownload(end) => {
-                self.open_or_cut(index, Direction::Download, Mode::Block, frame).end_blocks(end.unused, end.crc);
+                self.open_or_cut(index, Direction::Download, Mode::Block, frame)
+                    .end_blocks(end.unused, end.crc);
             }
             Sdo::StartBlockUpload => {
                 self.open_or_cut(index, Direction::Upload, Mode::Block, frame).stage = Stage::BlockSegments;
@@ -369,7 +394,13 @@ impl Channel {
         false
     }
 
-    fn begin(&mut self, index: u16, object: ObjectAddress, direction: Direction, frame: &Frame) -> &mut Transfer {
+    fn begin(
+        &mut self,
+        index: u16,
+        object: ObjectAddress,
+        direction: Direction,
+        frame: &Frame,
+    ) -> &mut Transfer {
         let mut transfer = Transfer::new(index, Some(object), frame);
         transfer.direction = Some(direction);
         self.transfer.insert(Box::new(transfer))
@@ -386,7 +417,9 @@ impl Channel {
     fn stray_answer(&mut self, index: u16, message: &Sdo<'_>, frame: &Frame) -> Option<Box<Transfer>> {
         let (object, direction) = match message {
             Sdo::DownloadInitiated { object } => (*object, Direction::Download),
-            Sdo::UploadInitiated { object, payload: Payload::Expedited { .. } } => (*object, Direction::Upload),
+            Sdo::UploadInitiated { object, payload: Payload::Expedited { .. } } => {
+                (*object, Direction::Upload)
+            }
             _ => return None,
         };
         let answers = self.transfer.as_ref().is_some_and(|open| {
@@ -414,7 +447,9 @@ impl Channel {
                 transfer.stage = Stage::Segments;
                 return transfer.mode == Some(Mode::Expedited);
             }
-            Sdo::UploadInitiated { object, payload } => return self.upload_initiated(index, object, payload, frame),
+            Sdo::UploadInitiated { object, payload } => {
+                return self.upload_initiated(index, object, payload, frame);
+            }
             Sdo::DownloadSegmentAccepted { .. } => {
                 return self.open_or_cut(index, Direction::Download, Mode::Segmented, frame).last_seen;
             }
@@ -444,7 +479,8 @@ impl Channel {
                 transfer.blocks_mut().server_offers(crc);
             }
             Sdo::EndBlockUpload(end) => {
-                self.open_or_cut(index, Direction::Upload, Mode::Block, frame).end_blocks(end.unused, end.crc);
+                self.open_or_cut(index, Direction::Upload, Mode::Block, frame)
+                    .end_blocks(end.unused, end.crc);
             }
             Sdo::BlockSegment { sequence, last, data } => self.segment(sequence, last, data),
             _ => {}
@@ -453,7 +489,13 @@ impl Channel {
     }
 
     /// The server's data or the size of what follows; also its choice not to send blocks.
-    fn upload_initiated(&mut self, index: u16, object: ObjectAddress, payload: Payload<'_>, frame: &Frame) -> bool {
+    fn upload_initiated(
+        &mut self,
+        index: u16,
+        object: ObjectAddress,
+        payload: Payload<'_>,
+        frame: &Frame,
+    ) -> bool {
         let transfer = self.open_or_cut(index, Direction::Upload, Mode::Segmented, frame);
         transfer.object.get_or_insert(object);
         transfer.blocks = None;

@@ -20,13 +20,19 @@ use crate::wire::Malformed;
 use crate::wire::canopen::sdo::{self, Sdo, Side};
 
 impl Bus {
-    pub(in crate::session) fn on_sdo(&mut self, side: Side, channel: u16, frame: &Frame, out: &mut dyn Observer) {
+    pub(in crate::session) fn on_sdo(
+        &mut self,
+        side: Side,
+        channel: u16,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
         let Some(server) = self.channels.server(channel) else { return };
         match side {
             Side::Client => self.belief.saw_request(server, frame.data()),
             Side::Server => self.belief.saw_response(server, frame.data()),
         }
-        if !self.is_decoded(frame, out) {
+        if !self.is_followed(frame, out) {
             return;
         }
         if frame.flags.contains(FrameFlags::REMOTE) {
@@ -104,7 +110,8 @@ impl Bus {
     }
 
     fn describe(&self, server: u8, transfer: &Transfer) -> SdoTransfer {
-        let (request, response) = self.channel_ids(transfer.channel).unwrap_or((Frame::EMPTY.id, Frame::EMPTY.id));
+        let (request, response) =
+            self.channel_ids(transfer.channel).unwrap_or((Frame::EMPTY.id, Frame::EMPTY.id));
         let previous = transfer.object.and_then(|object| self.node(server)?.store().get(object));
         SdoTransfer {
             request,
@@ -128,4 +135,3 @@ impl Bus {
         }
     }
 }
-

@@ -1,0 +1,92 @@
+//! Everything known of an event, indented below its line.
+
+use crate::event::{Event, EventKind};
+use crate::profile;
+use crate::query::record::{FieldValue, Fields, visit};
+use crate::session::Bus;
+use crate::sink::escape;
+
+/// What the line above says already.
+const ABOVE: &[&str] = &["t", "bus", "frames", "kind", "protocol", "node", "node_name", "presumed"];
+
+/// Appends the details of an event.
+pub(super) fn write(event: &Event, bus: &Bus, text: &mut String) {
+    let mut lines = Lines { text, path: Vec::new() };
+    visit(event, bus, None, &mut lines);
+    if let Some(hint) = hints(event) {
+        lines.line("hint", hint);
+    }
+}
+
+/// What usually stands behind an error.
+fn hints(event: &Event) -> Option<&'static str> {
+    let hint = match &event.kind {
+        EventKind::SdoTransfer(transfer) => &profile::abort_codes().find(transfer.abort?.code)?.hint,
+        EventKind::Emcy(emergency) => {
+            &profile::emcy_codes().find(u32::from(emergency.code.filter(|code| *code != 0)?))?.hint
+        }
+        _ => return None,
+    };
+    (!hint.is_empty()).then_some(hint.as_str())
+}
+
+struct Lines<'a> {
+    text: &'a mut String,
+    path: Vec<&'static str>,
+}
+
+impl Lines<'_> {
+    fn line(&mut self, key: &str, value: &str) {
+        self.text.push_str("             ");
+        for part in &self.path {
+            if !part.is_empty() {
+                self.text.push_str(part);
+                self.text.push('.');
+            }
+        }
+        self.text.push_str(key);
+        self.text.push_str(": ");
+        self.text.push_str(&escape(value));
+        self.text.push('\n');
+    }
+}
+
+impl Fields for Lines<'_> {
+    fn field(&mut self, key: &'static str, value: FieldValue<'_>) {
+        if self.path.is_empty() && ABOVE.contains(&key)
+            || self.path.first().is_some_and(|first| ABOVE.contains(first))
+        {
+            return;
+        }
+        let value = match value {
+            FieldValue::Null => return,
+            FieldValue::Bool(value) => value.to_string(),
+            FieldValue::Unsigned(value) => value.to_string(),
+            FieldValue::Integer(value) => value.to_string(),
+            FieldValue::Real(value) => value.to_string(),
+            FieldValue::Text(text) => text.to_owned(),
+            FieldValue::Seconds(value) => format!("{} s", crate::frame::Timestamp(value)),
+            FieldValue::Code(value, digits) => format!("{value:0width$X}h", width = usize::from(digits)),
+            FieldValue::Id(id) => id.to_string(),
+            FieldValue::Object(object) => object.to_string(),
+            FieldValue::Bytes(bytes) => profile::Value::Bytes(bytes.to_vec()).to_string(),
+        };
+        self.line(key, &value);
+    }
+
+    fn open(&mut self, key: &'static str) {
+        self.path.push(key);
+    }
+
+    fn close(&mut self) {
+        self.path.pop();
+    }
+
+    fn open_list(&mut self, key: &'static str) {
+        self.path.push(key);
+    }
+
+    fn close_list(&mut self) {
+        self.path.pop();
+    }
+}

@@ -1,0 +1,59 @@
+#!/usr/bin/env python3
+"""The frames of a capture as python-can reads them, one line a frame.
+
+    frames.py CAPTURE
+
+Reads what python-can's LogReader knows: candump log (.log), ASC, TRC, BLF, each
+also with .gz behind. Columns, separated by tabs:
+
+    seconds   nine decimals, as python-can gives them (a double: of an epoch
+              time the digits behind the sixth are noise)
+    channel   or -
+    id        hex, 3 digits standard, 8 digits extended
+    flags     letters in this order, or -: X extended, R remote, E error,
+              F FD, B bit rate switch, S error state indicator
+    length    bytes of payload; of a remote frame the length asked for
+    data      hex, or -
+
+Known weaknesses of python-can 4.6.1 that show here:
+  * candump log: an error frame whose class has no bus-error bit (080) comes as
+    an extended data frame without the error flag; one that has it comes
+    without identifier and data.
+  * candump log: `_9` (raw DLC), dotted data and CAN XL lines are errors.
+  * ASC: a data frame of length 0 is left out.
+  * the length of `R` without a number is 0.
+"""
+import sys
+
+try:
+    import can
+except ImportError:
+    sys.exit("frames.py: the library python-can is missing: pip install -r requirements.txt")
+
+
+def line(msg):
+    flags = "".join(letter for letter, on in (
+        ("X", msg.is_extended_id and not msg.is_error_frame), ("R", msg.is_remote_frame),
+        ("E", msg.is_error_frame), ("F", msg.is_fd), ("B", msg.bitrate_switch),
+        ("S", msg.error_state_indicator)) if on)
+    digits = 8 if msg.is_extended_id or msg.is_error_frame else 3
+    channel = "-" if msg.channel is None else str(msg.channel)
+    data = "" if msg.is_remote_frame else bytes(msg.data).hex().upper()
+    return "\t".join((f"{msg.timestamp:.9f}", channel, f"{msg.arbitration_id:0{digits}X}",
+                      flags or "-", str(msg.dlc), data or "-"))
+
+
+def main():
+    if len(sys.argv) != 2:
+        sys.exit(__doc__)
+    try:
+        with can.LogReader(sys.argv[1]) as reader:
+            for msg in reader:
+                print(line(msg))
+    except BrokenPipeError:
+        sys.stderr.close()
+    except Exception as error:      # python-can raises many kinds for a bad line
+        sys.exit(f"frames.py: {sys.argv[1]}: {type(error).__name__}: {error}")
+
+
+main()

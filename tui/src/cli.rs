@@ -1,0 +1,198 @@
+//! The command line. These texts are its help, its man page and its completions.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// Read CAN buses: what did the CANopen devices do?
+///
+/// A capture may be candump text in any dialect, pcap, pcapng, PEAK TRC or Vector ASC, plain or
+/// compressed with gzip or zstd; its format is found by content. `cobscope CAPTURE` is short for
+/// `cobscope decode CAPTURE`.
+#[derive(Debug, Parser)]
+#[command(name = "cobscope", version, max_term_width = 100)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The subcommands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Print what happened, one event a line
+    Decode(DecodeArgs),
+    /// Write shell completions to stdout
+    Completions {
+        /// Which shell
+        shell: clap_complete::Shell,
+    },
+    /// Write the manual page to stdout (`cobscope man | man -l -`)
+    Man,
+}
+
+/// How captures are read and understood.
+#[derive(Debug, Args)]
+pub struct InputArgs {
+    /// Captures to read; `-` is standard input
+    #[arg(value_name = "CAPTURE")]
+    pub captures: Vec<PathBuf>,
+    /// What ambiguous time stamps in candump text mean (default: found out from the first 1,000 lines)
+    #[arg(long, value_name = "STYLE")]
+    pub time: Option<StampStyle>,
+    /// What the traffic is taken for
+    #[arg(long, value_name = "PROTOCOL", default_value = "auto")]
+    pub protocol: Protocol,
+    /// Seconds without a further frame after which an SDO transfer counts as unanswered
+    #[arg(long, value_name = "SECONDS", default_value = "1")]
+    pub sdo_timeout: f64,
+}
+
+/// `cobscope decode`.
+#[derive(Debug, Args)]
+pub struct DecodeArgs {
+    #[command(flatten)]
+    pub input: InputArgs,
+    /// Output format
+    #[arg(short, long, value_name = "FORMAT", default_value = "text")]
+    pub format: Format,
+    /// Write to FILE instead of standard output
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Which PDOs to print: those that changed, all or none (default: change for text, all for others)
+    #[arg(long, value_name = "WHICH")]
+    pub pdo: Option<Pdo>,
+    /// Print repetitions too: heartbeats, SYNC, guarding (text; other formats always have them)
+    #[arg(long)]
+    pub all: bool,
+    /// Print frames too that no protocol explains
+    #[arg(long)]
+    pub frames: bool,
+    /// Print everything known of each event, on further lines (text)
+    #[arg(short, long)]
+    pub verbose: bool,
+    /// Time column: a(bsolute), d(elta), z(ero: since the first frame), A (date, UTC) (text)
+    #[arg(short = 't', value_name = "COLUMN", default_value = "z")]
+    pub time_column: TimeColumn,
+    /// Colours: auto uses them on a terminal unless NO_COLOR is set
+    #[arg(long, value_name = "WHEN", default_value = "auto")]
+    pub color: Color,
+}
+
+/// Meaning of candump's relative stamps.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum StampStyle {
+    /// Each stamp stands for itself (candump -t a, -t z, -l)
+    #[value(name = "a", aliases = ["z", "absolute", "zero"])]
+    Absolute,
+    /// Each stamp is the time since the line before (candump -t d)
+    #[value(name = "d", alias = "delta")]
+    Delta,
+}
+
+/// What traffic is taken for.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum Protocol {
+    /// By evidence
+    Auto,
+    /// CANopen whatever the evidence
+    Canopen,
+    /// No protocol: frames only
+    None,
+}
+
+/// Output formats of `decode`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// Lines for people
+    Text,
+    /// One JSON object a line
+    Jsonl,
+    /// Nothing: reads and decodes only
+    None,
+}
+
+/// Which PDOs are printed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Pdo {
+    /// The first of each identifier and those that differ from the one before
+    Change,
+    /// All
+    All,
+    /// None
+    None,
+}
+
+/// Time columns, as candump's -t.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum TimeColumn {
+    /// Seconds as recorded
+    #[value(name = "a")]
+    Absolute,
+    /// Seconds since the line before
+    #[value(name = "d")]
+    Delta,
+    /// Seconds since the first frame
+    #[value(name = "z")]
+    Zero,
+    /// Date and time, UTC
+    #[value(name = "A")]
+    Date,
+}
+
+/// When to use colours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Color {
+    /// On a terminal, unless NO_COLOR is set
+    Auto,
+    /// Always
+    Always,
+    /// Never
+    Never,
+}
+
+/// Puts `decode` before arguments that begin with a capture or an option of it.
+pub fn with_default_command(arguments: impl Iterator<Item = OsString>) -> Vec<OsString> {
+    let mut arguments: Vec<OsString> = arguments.collect();
+    let is_command = |text: &str| {
+        use clap::CommandFactory as _;
+        let own = matches!(text, "help" | "-h" | "--help" | "-V" | "--version");
+        own || Cli::command().get_subcommands().any(|command| command.get_name() == text)
+    };
+    let needs_default = match arguments.get(1) {
+        Some(first) => !first.to_str().is_some_and(is_command),
+        None => !std::io::IsTerminal::is_terminal(&std::io::stdin()),
+    };
+    if needs_default {
+        arguments.insert(1, "decode".into());
+    }
+    arguments
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_definition_is_sound() {
+        use clap::CommandFactory as _;
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn a_capture_alone_is_decoded() {
+        let with = |arguments: &[&str]| {
+            let all = std::iter::once("cobscope").chain(arguments.iter().copied()).map(OsString::from);
+            with_default_command(all)
+                .into_iter()
+                .skip(1)
+                .map(|a| a.into_string().unwrap())
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(with(&["x.log"]), ["decode", "x.log"]);
+        assert_eq!(with(&["-f", "jsonl", "x.log"]), ["decode", "-f", "jsonl", "x.log"]);
+        assert_eq!(with(&["man"]), ["man"]);
+        assert_eq!(with(&["--help"]), ["--help"]);
+    }
+}

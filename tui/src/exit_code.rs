@@ -1,0 +1,22 @@
+//! What the program's exit status says.
+
+use std::process::ExitCode;
+
+/// Exit statuses, worst last: the worst of several captures counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Exit {
+    /// All went well; a closed pipe counts as well.
+    Clean = 0,
+    /// The command line cannot be understood.
+    Usage = 2,
+    /// A capture cannot be opened or recognised, or holds no frame.
+    Capture = 3,
+    /// A profile or bus file that is named or used is broken.
+    Profile = 4,
+}
+
+impl From<Exit> for ExitCode {
+    fn from(exit: Exit) -> Self {
+        Self::from(exit as u8)
+    }
+}

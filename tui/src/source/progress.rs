@@ -1,0 +1,48 @@
+//! How far a long file is read, on standard error, if that is a terminal.
+
+use std::io::{IsTerminal as _, Write as _};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Files below this are read before anybody looks.
+const LONG: u64 = 64 * 1024 * 1024;
+
+/// Bytes between two updates.
+const STEP: u64 = 8 * 1024 * 1024;
+
+/// A line that says how much is read.
+pub struct Progress {
+    size: u64,
+    taken: Arc<AtomicU64>,
+    next: u64,
+    shown: bool,
+}
+
+impl Progress {
+    /// Progress through a file of `size` bytes, of which `taken` are read; silent where nobody sees it.
+    pub fn new(size: Option<u64>, taken: Arc<AtomicU64>) -> Self {
+        let size = size.unwrap_or(0);
+        // With the events themselves on the same terminal the line would only disturb them.
+        let seen = size >= LONG && std::io::stderr().is_terminal() && !std::io::stdout().is_terminal();
+        Self { size, taken, next: if seen { STEP } else { u64::MAX }, shown: false }
+    }
+
+    /// Shows the present state now and then.
+    pub fn tick(&mut self) {
+        let taken = self.taken.load(Ordering::Relaxed);
+        if taken < self.next {
+            return;
+        }
+        self.next = taken.saturating_add(STEP);
+        self.shown = true;
+        let percent = taken.saturating_mul(100) / self.size.max(1);
+        let _ = write!(std::io::stderr(), "\r{percent:>3} % of {} MiB", self.size / 1024 / 1024);
+    }
+
+    /// Takes the line away.
+    pub fn finish(&mut self) {
+        if std::mem::take(&mut self.shown) {
+            let _ = write!(std::io::stderr(), "\r\x1b[K");
+        }
+    }
+}
