@@ -1,1 +1,3 @@
+//! Behaviour of the decoder on captures.
 
+mod expected;

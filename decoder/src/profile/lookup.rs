@@ -152,6 +152,8 @@ struct Service {
     code: u8,
     name: String,
     title: String,
+    #[serde(default)]
+    field: Option<String>,
 }
 
 #[derive(Debug, Clone, Deserialize)]
@@ -182,6 +184,12 @@ impl LssNames {
     /// Name of a command specifier as output writes it.
     pub fn service(&self, code: u8) -> &str {
         self.service.iter().find(|entry| entry.code == code).map_or("unknown", |entry| &entry.name)
+    }
+
+    /// Key of the number a command specifier carries.
+    pub fn number_key(&self, code: u8) -> &str {
+        let service = self.service.iter().find(|entry| entry.code == code);
+        service.and_then(|entry| entry.field.as_deref()).unwrap_or("number")
     }
 
     /// Readable title of a command specifier.

@@ -340,30 +340,35 @@ fn lss(command: u8, from_master: bool, content: &Content, fields: &mut dyn Field
                 1 => FieldValue::Text("configuration"),
                 other => FieldValue::Unsigned(u64::from(other)),
             };
-            fields.field("lss_mode", mode);
+            fields.field("mode", mode);
         }
         Content::NodeId(id) => fields.field("node_id", FieldValue::Unsigned(u64::from(id))),
         Content::BitTiming { table, entry } => {
             fields.field("table", FieldValue::Unsigned(u64::from(table)));
-            fields.field("entry", FieldValue::Unsigned(u64::from(entry)));
+            fields.field("index", FieldValue::Unsigned(u64::from(entry)));
             if let Some(rate) = profile::lss().bit_rate(entry).filter(|_| table == 0) {
                 fields.field("bit_rate", FieldValue::Unsigned(u64::from(rate) * 1000));
             }
         }
-        Content::Delay(delay) => fields.field("delay", FieldValue::Seconds(i64::from(delay) * 1_000_000)),
-        Content::Number(number) => fields.field("number", FieldValue::Code(u64::from(number), 8)),
+        Content::Delay(delay) => fields.field("delay_ms", FieldValue::Unsigned(u64::from(delay))),
+        Content::Number(number) => {
+            fields.field(profile::lss().number_key(command), FieldValue::Code(u64::from(number), 8));
+        }
         Content::Result { code, specific } => {
-            fields.field("result", FieldValue::Unsigned(u64::from(code)));
-            fields.field("result_text", FieldValue::Text(profile::lss().result(command, code)));
+            fields.field("error", FieldValue::Unsigned(u64::from(code)));
+            fields.field("result", FieldValue::Text(if code == 0 { "ok" } else { "error" }));
+            if code != 0 {
+                fields.field("text", FieldValue::Text(profile::lss().result(command, code)));
+            }
             if code == u8::MAX {
                 fields.field("specific", FieldValue::Unsigned(u64::from(specific)));
             }
         }
         Content::FastScan { number, bit, sub, next } => {
-            fields.field("number", FieldValue::Code(u64::from(number), 8));
-            fields.field("bit", FieldValue::Unsigned(u64::from(bit)));
-            fields.field("sub", FieldValue::Unsigned(u64::from(sub)));
-            fields.field("next", FieldValue::Unsigned(u64::from(next)));
+            fields.field("id_number", FieldValue::Code(u64::from(number), 8));
+            fields.field("bit_check", FieldValue::Unsigned(u64::from(bit)));
+            fields.field("lss_sub", FieldValue::Unsigned(u64::from(sub)));
+            fields.field("lss_next", FieldValue::Unsigned(u64::from(next)));
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Heartbeat, boot-up, node guarding: who is alive.
 
-use crate::event::{BootCause, Event, EventKind, FrameRange, Protocol, Silence, StateCause};
+use crate::event::{BootCause, EventKind, Silence, StateCause};
 use crate::frame::{Frame, FrameFlags};
 use crate::session::timers::Subject;
 use crate::session::{Bus, Observer};
@@ -175,18 +175,7 @@ impl Bus {
             let monitored_by = if node.guarding.last_reply.is_some() { "guarding" } else { "heartbeat" };
             let kind = EventKind::NodeBack(silence(node, gap, monitored_by));
             node.refresh_attention();
-            let frames = FrameRange { first: node.last_frame, last: frame.number };
-            let event = Event {
-                time: frame.time,
-                bus: self.index,
-                frames,
-                protocol: Protocol::Canopen,
-                node: Some(id),
-                presumed: false,
-                routine: false,
-                kind,
-            };
-            out.event(&event, self);
+            self.emit(frame, id, false, kind, out);
         }
         let Some(node) = self.node_mut(id) else { return };
         node.last_frame = frame.number;

@@ -108,6 +108,13 @@ impl Blocks {
         });
     }
 
+    /// The transfer ended before its end message: what was seen in order of the present block counts.
+    pub(super) fn give_up(&mut self, mut keep: impl FnMut(&[u8])) {
+        let in_order = u8::try_from((self.seen >> 1).trailing_ones()).unwrap_or(0);
+        self.acknowledge(in_order, &mut keep);
+        self.flush(&mut keep);
+    }
+
     /// What the end message's CRC came to.
     pub(super) fn verdict(&self) -> Option<Crc> {
         self.verdict

@@ -144,7 +144,7 @@ impl Channels {
                 channel.deadline = None;
                 match channel.transfer.take() {
                     Some(mut transfer) => {
-                        transfer.outcome = Outcome::Timeout;
+                        transfer.end(Outcome::Timeout);
                         Due::Over(transfer, deadline)
                     }
                     None => Due::Nothing,
@@ -165,6 +165,9 @@ impl Channels {
         let open =
             self.channels.iter_mut().filter_map(|channel| Some((channel.server, channel.transfer.take()?)));
         let mut open: Vec<_> = open.collect();
+        for (_, transfer) in &mut open {
+            transfer.end(Outcome::Unfinished);
+        }
         open.sort_by_key(|(_, transfer)| transfer.frames.first);
         open
     }
@@ -303,7 +306,7 @@ impl Channel {
             self.transfer.take().unwrap_or_else(|| Box::new(Transfer::new(index, Some(object), frame)));
         transfer.add_frame(frame);
         transfer.object.get_or_insert(object);
-        transfer.outcome = Outcome::Aborted;
+        transfer.end(Outcome::Aborted);
         transfer.abort = Some(Abort { code, by_client: side == Side::Client });
         transfer
     }
@@ -318,7 +321,7 @@ impl Channel {
                 | Sdo::InitiateBlockUpload { .. }
         );
         let mut transfer = if begins { self.transfer.take() } else { None }?;
-        transfer.outcome = Outcome::Superseded;
+        transfer.end(Outcome::Superseded);
         Some(transfer)
     }
 

@@ -139,6 +139,18 @@ impl Transfer {
         self.stage = Stage::BlockEndAnswer;
     }
 
+    /// It ends as `outcome`.
+    pub(super) fn end(&mut self, outcome: Outcome) {
+        self.outcome = outcome;
+        if outcome != Outcome::Complete
+            && self.stage == Stage::BlockSegments
+            && let Some(mut blocks) = self.blocks.take()
+        {
+            blocks.give_up(|bytes| self.keep(bytes));
+            self.blocks = Some(blocks);
+        }
+    }
+
     /// CRC verdict of a block transfer that came to its end message.
     pub(super) fn crc(&self) -> Option<Crc> {
         self.blocks.as_ref().and_then(|blocks| blocks.verdict())
