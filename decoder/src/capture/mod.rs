@@ -11,11 +11,14 @@
 //! A line or record that cannot be read becomes a [`Notice`]; reading goes on behind it.
 
 mod batch;
+mod bus_error;
 mod calendar;
 mod candump;
+mod columns;
 mod compression;
 mod reader;
 mod text;
+mod trc;
 
 use std::fmt;
 
@@ -180,7 +183,7 @@ pub struct Format {
 }
 
 /// All formats, binary before text, strict before lenient: the first that recognises a capture reads it.
-pub const FORMATS: &[Format] = &[candump::FORMAT];
+pub const FORMATS: &[Format] = &[trc::FORMAT, candump::FORMAT];
 
 /// The format that recognises these first bytes.
 pub fn detect(head: &[u8]) -> Option<&'static Format> {
