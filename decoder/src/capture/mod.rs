@@ -10,6 +10,7 @@
 //!
 //! A line or record that cannot be read becomes a [`Notice`]; reading goes on behind it.
 
+mod asc;
 mod batch;
 mod bus_error;
 mod calendar;
@@ -183,7 +184,7 @@ pub struct Format {
 }
 
 /// All formats, binary before text, strict before lenient: the first that recognises a capture reads it.
-pub const FORMATS: &[Format] = &[trc::FORMAT, candump::FORMAT];
+pub const FORMATS: &[Format] = &[trc::FORMAT, asc::FORMAT, candump::FORMAT];
 
 /// The format that recognises these first bytes.
 pub fn detect(head: &[u8]) -> Option<&'static Format> {
