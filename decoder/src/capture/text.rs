@@ -41,15 +41,16 @@ impl Lines {
                 self.skipping = false;
                 Step::Skip(end + 1)
             }
-            Some(end) => self.line(input.get(..end).unwrap_or_default(), end + 1),
+            Some(end) if end <= LONGEST_LINE => self.line(input.get(..end).unwrap_or_default(), end + 1),
             None if input.is_empty() => Step::More,
             None if self.skipping => Step::Skip(input.len()),
-            None if at_end => self.line(input, input.len()),
-            None if input.len() >= LONGEST_LINE => {
+            // Cut at the same byte however much input there is.
+            _ if input.len() > LONGEST_LINE => {
                 self.skipping = true;
                 self.line(input.get(..LONGEST_LINE).unwrap_or_default(), LONGEST_LINE)
             }
-            None => Step::More,
+            _ if at_end => self.line(input, input.len()),
+            _ => Step::More,
         }
     }
 

@@ -17,6 +17,8 @@ pub enum Format {
     Decimal,
     /// Hexadecimal, as wide as the type.
     Hex,
+    /// A PDO mapping entry: object and width in bits.
+    Mapping,
     /// Bytes as characters: the signatures "save" and "load".
     Ascii,
 }
@@ -176,6 +178,10 @@ impl ObjectEntry<'_> {
                 let digits = usize::from(self.data_type.and_then(DataType::bits).unwrap_or(32).div_ceil(4));
                 format!("{number:0digits$X}h")
             }
+            // Bits 31..16 index, 15..8 sub-index, 7..0 width (CiA 301 figure 70).
+            (Value::Unsigned(number), Format::Mapping) if *number != 0 => {
+                format!("{:04X}:{:02X}/{} bit", number >> 16, number >> 8 & 0xFF, number & 0xFF)
+            }
             #[expect(clippy::cast_precision_loss, reason = "scaled values are for reading")]
             (Value::Unsigned(number), _) if self.has_scale() => (*number as f64 * self.scale).to_string(),
             #[expect(clippy::cast_precision_loss, reason = "scaled values are for reading")]
@@ -218,6 +224,8 @@ mod tests {
         assert_eq!(heartbeat.show(&heartbeat.decode(&[0xE8, 3])), "1000 ms");
         let cob_id = entry(0x1800, 1);
         assert_eq!(cob_id.show(&cob_id.decode(&[0x85, 1, 0, 0x80])), "80000185h");
+        let mapping = entry(0x1A00, 1);
+        assert_eq!(mapping.show(&mapping.decode(&[0x10, 0, 0x41, 0x60])), "6041:00/16 bit");
         let store = entry(0x1010, 1);
         assert_eq!(store.show(&store.decode(b"save")), "\"save\"");
     }

@@ -10,6 +10,10 @@ use super::ProtocolChoice;
 /// Frames on PDO and EMCY identifiers that need some evidence beside them.
 const UNSUPPORTED_LIMIT: u32 = 1_000;
 
+/// Node-IDs on PDO and EMCY identifiers that need some evidence beside them: a network of so many nodes
+/// shows a heartbeat sooner than all their PDOs; a car uses identifiers of all kinds.
+const UNSUPPORTED_NODES: u32 = 20;
+
 /// Contradictions before they count.
 const CONTRADICTION_LIMIT: u32 = 3;
 
@@ -32,6 +36,7 @@ pub(super) struct Belief {
     evidence: u32,
     contradictions: u32,
     unsupported: u32,
+    unsupported_nodes: u128,
     /// Node and multiplexer of the last SDO request seen.
     request: Option<(u8, [u8; 3])>,
 }
@@ -43,7 +48,15 @@ impl Belief {
             ProtocolChoice::Canopen => Standing::Believed,
             ProtocolChoice::None => Standing::Doubted,
         };
-        Self { choice, standing, evidence: 0, contradictions: 0, unsupported: 0, request: None }
+        Self {
+            choice,
+            standing,
+            evidence: 0,
+            contradictions: 0,
+            unsupported: 0,
+            unsupported_nodes: 0,
+            request: None,
+        }
     }
 
     #[inline]
@@ -68,15 +81,19 @@ impl Belief {
         self.judge();
     }
 
-    /// A frame on a PDO or EMCY identifier: no evidence by itself.
-    #[inline]
-    pub(super) fn saw_unsupported(&mut self) {
+    /// A frame on a PDO or EMCY identifier of a node-ID: no evidence by itself.
+    pub(super) fn saw_unsupported(&mut self, node: u8) {
         if self.standing == Standing::Presumed {
             self.unsupported += 1;
-            if self.unsupported >= UNSUPPORTED_LIMIT {
+            self.unsupported_nodes |= 1 << (node & 0x7F);
+            if self.is_unsupported() {
                 self.judge();
             }
         }
+    }
+
+    fn is_unsupported(&self) -> bool {
+        self.unsupported >= UNSUPPORTED_LIMIT || self.unsupported_nodes.count_ones() >= UNSUPPORTED_NODES
     }
 
     /// An SDO request, to be matched with its response.
@@ -103,8 +120,10 @@ impl Belief {
             let count = self.contradictions;
             format!("{count} frames contradict it (identifier 000 not of 2 bytes, or 701 to 77F not of 1)")
         } else {
+            let (frames, nodes) = (self.unsupported, self.unsupported_nodes.count_ones());
             format!(
-                "no heartbeat, NMT command or SDO answer within {UNSUPPORTED_LIMIT} frames on PDO and EMCY identifiers"
+                "no heartbeat, NMT command or SDO answer beside {frames} frames on PDO and EMCY identifiers of \
+                 {nodes} node-IDs"
             )
         }
     }
@@ -119,7 +138,7 @@ impl Belief {
             Standing::Doubted
         } else if self.evidence > 0 {
             Standing::Believed
-        } else if self.unsupported >= UNSUPPORTED_LIMIT {
+        } else if self.is_unsupported() {
             Standing::Doubted
         } else {
             Standing::Presumed
@@ -154,11 +173,20 @@ mod tests {
     #[test]
     fn pdo_identifiers_alone_are_doubted_until_evidence_comes() {
         let mut belief = Belief::new(ProtocolChoice::Auto);
-        (0..UNSUPPORTED_LIMIT).for_each(|_| belief.saw_unsupported());
+        (0..UNSUPPORTED_LIMIT).for_each(|_| belief.saw_unsupported(5));
         assert_eq!(belief.standing(), Standing::Doubted);
         belief.saw_request(5, &[0x40, 0x18, 0x10, 1, 0, 0, 0, 0]);
         belief.saw_response(5, &[0x43, 0x18, 0x10, 1, 1, 2, 3, 4]);
         assert_eq!(belief.standing(), Standing::Believed);
+    }
+
+    #[test]
+    fn many_nodes_without_evidence_are_doubted_soon() {
+        let mut belief = Belief::new(ProtocolChoice::Auto);
+        (1..20).for_each(|node| belief.saw_unsupported(node));
+        assert_eq!(belief.standing(), Standing::Presumed);
+        belief.saw_unsupported(20);
+        assert_eq!(belief.standing(), Standing::Doubted);
     }
 
     #[test]

@@ -32,6 +32,8 @@ pub struct Bus {
     pub(super) sync: SyncState,
     pub(super) lss: LssState,
     said: Said,
+    /// Frames left undecoded, and those of 29 bits among them.
+    undecoded: (u64, u64),
     /// Last frame seen and its stamp.
     pub(super) last_frame: u64,
     pub(super) last_time: Option<Timestamp>,
@@ -63,6 +65,7 @@ impl Bus {
             sync: SyncState::default(),
             lss: LssState::default(),
             said: Said::default(),
+            undecoded: (0, 0),
             last_frame: 0,
             last_time: None,
         }
@@ -178,6 +181,14 @@ impl Bus {
     /// Nothing more comes: ends what is open.
     pub fn finish(&mut self, out: &mut dyn Observer) {
         self.finish_transfers(out);
+        let (count, extended) = self.undecoded;
+        if count > 0 {
+            let frame = Frame { number: self.last_frame, time: self.last_time, ..Frame::EMPTY };
+            let text = format!(
+                "{count} frames belong to no known service ({extended} of them 29-bit): --frames prints them"
+            );
+            self.note(&frame, text, out);
+        }
     }
 
     /// Lets time pass to `stamp` without a frame: a live bus that is quiet.
@@ -299,6 +310,9 @@ impl Bus {
     /// A frame no service is decoded of.
     pub(super) fn undecoded(&mut self, frame: &Frame, name: Option<&'static str>, out: &mut dyn Observer) {
         let name = name.filter(|_| self.belief.is_believed());
+        let (count, extended) = &mut self.undecoded;
+        *count += 1;
+        *extended += u64::from(matches!(frame.id, CanId::Extended(_)));
         let kind = EventKind::Frame(Box::new(Undecoded { frame: *frame, name }));
         let mut event = self.event(frame, kind);
         event.protocol = Protocol::Can;

@@ -11,7 +11,7 @@ const LIFE_GUARD_ERROR: u16 = 0x8130;
 
 impl Bus {
     pub(in crate::session) fn on_emcy(&mut self, id: u8, frame: &Frame, out: &mut dyn Observer) {
-        self.belief.saw_unsupported();
+        self.belief.saw_unsupported(id);
         if !self.is_decoded(frame, out) {
             return;
         }

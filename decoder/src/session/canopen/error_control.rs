@@ -24,6 +24,9 @@ impl Bus {
             Ok(message) if frame.length == 1 && message.state.is_some() => self.belief.support(),
             _ => self.belief.contradict(),
         }
+        if parsed.is_ok_and(|message| message.state.is_none()) && !self.belief.is_believed() {
+            return self.undecoded(frame, None, out);
+        }
         if !self.is_decoded(frame, out) {
             return;
         }

@@ -16,6 +16,8 @@ pub(in crate::session) struct LssState {
     present: Option<u8>,
     /// A fast scan runs; its steps repeat.
     scanning: bool,
+    /// Command of the master's last message.
+    asked: Option<u8>,
 }
 
 /// Node-ID 255: not configured.
@@ -23,6 +25,7 @@ const UNCONFIGURED: u8 = 255;
 
 impl Bus {
     pub(in crate::session) fn on_lss(&mut self, from_master: bool, frame: &Frame, out: &mut dyn Observer) {
+        self.weigh_lss(from_master, frame);
         if !self.is_decoded(frame, out) {
             return;
         }
@@ -39,6 +42,24 @@ impl Bus {
         let kind = EventKind::Lss { command: message.command, from_master, content: message.content };
         self.emit(frame, 0, routine, kind, out);
         self.follow_node_id(message, from_master, frame, out);
+    }
+
+    /// An answer that fits the question is evidence of CANopen. Cars use these identifiers for UDS, whose
+    /// first bytes are small, so only the commands from 0x40 on count.
+    fn weigh_lss(&mut self, from_master: bool, frame: &Frame) {
+        let command = frame.data().first().copied().filter(|_| frame.length == 8);
+        if from_master {
+            self.lss.asked = command;
+            return;
+        }
+        let fits = match (self.lss.asked, command) {
+            (Some(0x43), Some(0x44)) | (Some(0x4B | 0x51), Some(0x4F)) | (Some(0x4C), Some(0x50)) => true,
+            (Some(asked @ 0x5A..=0x5E), Some(answer)) => asked == answer,
+            _ => false,
+        };
+        if fits {
+            self.belief.support();
+        }
     }
 
     /// A node-ID that was accepted is in force when the slave returns to the waiting state

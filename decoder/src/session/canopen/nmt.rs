@@ -35,6 +35,9 @@ impl Bus {
         } else {
             self.belief.contradict();
         }
+        if !is_valid && !self.belief.is_believed() {
+            return self.undecoded(frame, None, out);
+        }
         if !self.is_decoded(frame, out) {
             return;
         }

@@ -23,7 +23,7 @@ impl Bus {
     ) {
         let believed = self.belief.is_believed();
         if !believed {
-            self.belief.saw_unsupported();
+            self.belief.saw_unsupported(id);
             if !self.is_decoded(frame, out) {
                 return;
             }

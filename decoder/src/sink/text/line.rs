@@ -236,7 +236,8 @@ fn emcy(emergency: &Emergency, words: impl Fn(&'static str, String, Tone) -> Wor
         }
         EmcyAction::Raised | EmcyAction::Ready => {}
     }
-    let mut what = format!("{code:04X} {}", profile::emcy_codes().text(u32::from(code)));
+    let text = profile::emcy_codes().find(u32::from(code)).map_or("no CiA 301 code", |entry| &entry.text);
+    let mut what = format!("{code:04X} {text}");
     if emergency.register.is_some() {
         let _ = write!(what, ", register {}", register_words(register));
     }
