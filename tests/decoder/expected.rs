@@ -34,7 +34,10 @@ impl Fields for Flat {
             FieldValue::Code(value, digits) => format!("0x{value:0width$X}", width = usize::from(digits)),
             FieldValue::Id(id) => format!("0x{id}"),
             FieldValue::Object(object) => format!("0x{object}"),
-            FieldValue::Bytes(bytes) => bytes.iter().map(|byte| format!("{byte:02X}")).collect(),
+            FieldValue::Bytes(bytes) => bytes.iter().fold(String::new(), |mut text, byte| {
+                write!(text, "{byte:02X}").unwrap();
+                text
+            }),
         };
         let mut path: Vec<&str> = self.path.iter().copied().filter(|part| !part.is_empty()).collect();
         if !key.is_empty() {

@@ -1,1 +1,1 @@
-
+//! Behaviour of the program as its user sees it.

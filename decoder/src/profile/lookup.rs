@@ -11,7 +11,8 @@ use super::parse;
 #[serde(deny_unknown_fields)]
 pub struct Code {
     /// The code.
-    pub code: u32,
+    #[serde(rename = "code")]
+    pub number: u32,
     /// Bits of a code that must agree; all where the table does not say.
     #[serde(default = "all_bits")]
     pub mask: u32,
@@ -36,7 +37,7 @@ pub struct Codes {
 impl Codes {
     /// The entry that matches `code` most specifically.
     pub fn find(&self, code: u32) -> Option<&Code> {
-        let matching = self.code.iter().filter(|entry| code & entry.mask == entry.code & entry.mask);
+        let matching = self.code.iter().filter(|entry| code & entry.mask == entry.number & entry.mask);
         matching.max_by_key(|entry| entry.mask.count_ones())
     }
 
@@ -50,8 +51,8 @@ impl Codes {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Bit {
-    #[serde(alias = "value")]
-    bit: u32,
+    #[serde(rename = "bit", alias = "value")]
+    mask: u32,
     name: String,
     #[serde(default)]
     text: String,
@@ -64,20 +65,20 @@ pub struct Bits(Vec<Bit>);
 impl Bits {
     /// Names of the bits set in `value`, low to high.
     pub fn names(&self, value: u32) -> impl Iterator<Item = &str> {
-        self.0.iter().filter(move |entry| value & entry.bit != 0).map(|entry| entry.name.as_str())
+        self.0.iter().filter(move |entry| value & entry.mask != 0).map(|entry| entry.name.as_str())
     }
 
     /// Plain texts of the bits set in `value`, low to high.
     pub fn texts(&self, value: u32) -> impl Iterator<Item = &str> {
         self.0
             .iter()
-            .filter(move |entry| value & entry.bit != 0)
+            .filter(move |entry| value & entry.mask != 0)
             .map(|entry| if entry.text.is_empty() { entry.name.as_str() } else { entry.text.as_str() })
     }
 
     /// Plain text of the entry that equals `value`.
     pub fn text_of(&self, value: u32) -> Option<&str> {
-        self.0.iter().find(|entry| entry.bit == value).map(|entry| entry.text.as_str())
+        self.0.iter().find(|entry| entry.mask == value).map(|entry| entry.text.as_str())
     }
 }
 
@@ -104,7 +105,7 @@ pub fn error_register() -> &'static Bits {
     TABLE.get_or_init(|| {
         // This table counts bits, the others give masks.
         let file: File = parse("lookups/error_register.toml");
-        Bits(file.bit.into_iter().map(|entry| Bit { bit: 1 << (entry.bit & 31), ..entry }).collect())
+        Bits(file.bit.into_iter().map(|entry| Bit { mask: 1 << (entry.mask & 31), ..entry }).collect())
     })
 }
 

@@ -173,12 +173,9 @@ fn boot_up(cause: BootCause, fields: &mut dyn Fields) {
 }
 
 fn node_state(state: Option<crate::wire::canopen::NmtState>, code: u8, fields: &mut dyn Fields) {
-    match state {
-        Some(state) => fields.field("state", FieldValue::Text(state.name())),
-        None => {
-            fields.field("state", FieldValue::Null);
-            fields.field("state_code", FieldValue::Unsigned(u64::from(code)));
-        }
+    fields.field("state", state.map_or(FieldValue::Null, |state| FieldValue::Text(state.name())));
+    if state.is_none() {
+        fields.field("state_code", FieldValue::Unsigned(u64::from(code)));
     }
 }
 

@@ -40,20 +40,15 @@ impl Bus {
             // "save" to 1010 keeps all parameters over a restart; any later write is unsaved again.
             node.saved = address.index == 0x1010 && value == b"save";
         }
-        match Arc::make_mut(&mut node.store).set(address, value, origin) {
-            Ok(before) => {
-                let changed = before.as_ref().is_none_or(|before| before.value != value);
-                if changed && kind == OriginKind::Download {
-                    let from = before.map(|before| before.value);
-                    let change =
-                        ObjectChange { object: address, from, to: value.to_vec(), origin: kind.name() };
-                    self.emit(frame, id, true, EventKind::ObjectChange(Box::new(change)), out);
-                }
-            }
-            Err(_) => {
-                let kind = EventKind::Evicted { what: "object", count: 1 };
-                return self.emit(frame, id, false, kind, out);
-            }
+        let Ok(before) = Arc::make_mut(&mut node.store).set(address, value, origin) else {
+            let kind = EventKind::Evicted { what: "object", count: 1 };
+            return self.emit(frame, id, false, kind, out);
+        };
+        let changed = before.as_ref().is_none_or(|before| before.value != value);
+        if changed && kind == OriginKind::Download {
+            let from = before.map(|before| before.value);
+            let change = ObjectChange { object: address, from, to: value.to_vec(), origin: kind.name() };
+            self.emit(frame, id, true, EventKind::ObjectChange(Box::new(change)), out);
         }
         self.take_effect(id, address);
     }
@@ -66,7 +61,7 @@ impl Bus {
             (0x1014, 0) => self.route_to(Service::Emcy(id), number),
             (0x1017, 0) => self.heartbeat_time(id, number),
             (0x1200..=0x127F, 1 | 2) => self.learn_channel(id, address.index),
-            (0x1400..=0x17FF | 0x1800..=0x1BFF, _) => self.learn_pdo(id, address),
+            (0x1400..=0x1BFF, _) => self.learn_pdo(id, address),
             _ => {}
         }
     }

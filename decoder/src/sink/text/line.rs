@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::Tone;
 use crate::event::{
     BootCause, Certainty, Direction, EmcyAction, Emergency, Event, EventKind, FrameRange, Mode, Outcome, Pdo,
-    SdoTransfer, Silence, StateCause, StateChange,
+    SdoTransfer, Silence, StateCause, StateChange, Undecoded,
 };
 use crate::frame::FrameFlags;
 use crate::profile::{self, Value};
@@ -112,17 +112,7 @@ fn bus_words(event: &Event, words: impl Fn(&'static str, String, Tone) -> Words)
             }
             words("ERROR", what, Tone::Bad)
         }
-        EventKind::Frame(undecoded) => {
-            let frame = &undecoded.frame;
-            let name = undecoded.name.map_or(String::new(), |name| format!(" ({name})"));
-            let remote = if frame.flags.contains(FrameFlags::REMOTE) { " remote" } else { "" };
-            let fd = if frame.flags.contains(FrameFlags::FD) { " FD" } else { "" };
-            words(
-                "FRAME",
-                format!("{}{fd}{remote} [{}] {}{name}", frame.id, frame.length, bytes(frame.data())),
-                Tone::Quiet,
-            )
-        }
+        EventKind::Frame(undecoded) => words("FRAME", frame(undecoded), Tone::Quiet),
         EventKind::Malformed { error, reason } => {
             let what = format!(
                 "{reason}: {} at byte {}, {} of {} bytes there",
@@ -159,6 +149,14 @@ fn bus_words(event: &Event, words: impl Fn(&'static str, String, Tone) -> Words)
         EventKind::Note { text } => words("NOTE", text.clone(), Tone::Caution),
         _ => words("", event.kind.name().into(), Tone::Plain),
     }
+}
+
+fn frame(undecoded: &Undecoded) -> String {
+    let frame = &undecoded.frame;
+    let name = undecoded.name.map_or(String::new(), |name| format!(" ({name})"));
+    let remote = if frame.flags.contains(FrameFlags::REMOTE) { " remote" } else { "" };
+    let fd = if frame.flags.contains(FrameFlags::FD) { " FD" } else { "" };
+    format!("{}{fd}{remote} [{}] {}{name}", frame.id, frame.length, bytes(frame.data()))
 }
 
 /// `32/20 boom`.
