@@ -13,10 +13,12 @@
 mod asc;
 mod batch;
 mod bus_error;
+mod byte_order;
 mod calendar;
 mod candump;
 mod columns;
 mod compression;
+mod link;
 mod reader;
 mod text;
 mod trc;

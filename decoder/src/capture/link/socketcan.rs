@@ -1,0 +1,317 @@
+//! The frame itself, as SocketCAN keeps it (linux/can.h) and link type 227 defines it.
+//!
+//! ```text
+//! 0 identifier and flags (4)   0x8000_0000 29 bit, 0x4000_0000 remote, 0x2000_0000 error
+//! 4 length (1)   5 FD flags (1): 1 bit rate switched, 2 sender error passive, 4 CAN FD
+//! 6 reserved (1) 7 DLC where it says more than the length (1, classic only)   8 data
+//! ```
+//! A frame is CAN FD if its link layer or flag says so, if it fills the 72 bytes of the kernel's
+//! structure (older recorders never set the flag), or if it is longer than eight bytes.
+//!
+//! Link type 227 has the identifier in big-endian order, cooked packets in the order of the capture. Not
+//! every writer knows. An identifier that is none in the order at hand, but is one in the other, changes
+//! the order ([`IdOrder`]): eleven bits with any of the upper eighteen set cannot have been on a bus.
+
+use std::fmt;
+
+use super::Kind;
+use crate::capture::byte_order::ByteOrder;
+use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA};
+
+const EXTENDED: u32 = 0x8000_0000;
+const REMOTE: u32 = 0x4000_0000;
+const ERROR: u32 = 0x2000_0000;
+const IDENTIFIER: u32 = 0x1FFF_FFFF;
+const ABOVE_STANDARD: u32 = 0x1FFF_F800;
+/// Bits of an error's class that linux/can/error.h leaves far from use.
+const ABOVE_CLASSES: u32 = 0x1FFF_0000;
+
+const BIT_RATE_SWITCH: u8 = 0x01;
+const ERROR_STATE: u8 = 0x02;
+const FD_FRAME: u8 = 0x04;
+/// Stands where other frames have their length.
+const XL_FRAME: u8 = 0x80;
+
+const HEADER: usize = 8;
+const MAX_CLASSIC: u8 = 8;
+/// Size of the kernel's structure for CAN FD, header included.
+const FD_SIZE: usize = 72;
+
+/// Order of an identifier's bytes: the one its link type defines until a frame proves otherwise.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::capture) struct IdOrder {
+    is_little: bool,
+    defined_little: bool,
+    is_said: bool,
+}
+
+impl IdOrder {
+    pub(super) fn new(defined: ByteOrder) -> Self {
+        let is_little = defined == ByteOrder::Little;
+        Self { is_little, defined_little: is_little, is_said: false }
+    }
+
+    #[inline]
+    fn word(self, bytes: [u8; 4]) -> u32 {
+        if self.is_little { u32::from_le_bytes(bytes) } else { u32::from_be_bytes(bytes) }
+    }
+
+    /// The identifier, in the order that makes it one.
+    fn decide(&mut self, bytes: [u8; 4]) -> u32 {
+        let word = self.word(bytes);
+        if is_plausible(word) || !is_plausible(word.swap_bytes()) {
+            return word;
+        }
+        self.is_little = !self.is_little;
+        word.swap_bytes()
+    }
+
+    /// The order that was found instead of the defined one, if nobody has said so.
+    pub(super) fn news(&mut self) -> Option<&'static str> {
+        if self.is_said || self.is_little == self.defined_little {
+            return None;
+        }
+        self.is_said = true;
+        Some(if self.is_little { "little-endian" } else { "big-endian" })
+    }
+}
+
+/// Whether a bus can have carried this identifier.
+#[inline]
+fn is_plausible(word: u32) -> bool {
+    if word & ERROR != 0 {
+        return word & (EXTENDED | REMOTE | ABOVE_CLASSES) == 0;
+    }
+    word & EXTENDED != 0 || word & ABOVE_STANDARD == 0
+}
+
+/// Why bytes are no frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Bad {
+    /// Too few for any frame.
+    Short(usize),
+    /// CAN XL.
+    Xl,
+    /// A length no frame of its kind has.
+    Length { length: u8, limit: u8 },
+    /// The recorder kept a part of the data only.
+    Cut { has: usize, length: u8 },
+    /// A request for data, which CAN FD does not have.
+    RemoteFd,
+}
+
+impl fmt::Display for Bad {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Short(found) => write!(f, "CAN frame: found {found} bytes, expected at least {HEADER}"),
+            Self::Xl => f.write_str("CAN XL frame: not supported"),
+            Self::Length { length, limit } => {
+                write!(f, "CAN frame: found length {length}, expected at most {limit}")
+            }
+            Self::Cut { has, length } => write!(f, "CAN frame: found {has} of {length} data bytes"),
+            Self::RemoteFd => f.write_str("CAN frame: a remote frame cannot be CAN FD"),
+        }
+    }
+}
+
+/// The common frame: classic data of up to eight bytes. `window` begins with the packet's `captured`
+/// bytes; what follows them may be anything. Returns `false` for every other frame, having written
+/// nothing that counts.
+///
+/// All eight bytes are copied whatever the length: a branch on it costs more.
+#[inline]
+pub(in crate::capture) fn common(window: &[u8; 16], captured: u32, order: IdOrder, slot: &mut Frame) -> bool {
+    let &[id @ .., l0, l1, l2, l3, _, _, _, _, _, _, _, _] = window;
+    let word = order.word(id);
+    let room = captured.wrapping_sub(8);
+    // Flags and reserved bytes must be zero: then the number of all four is the length.
+    let length = u32::from_le_bytes([l0, l1, l2, l3]);
+    let is_usual = word & EXTENDED != 0 || word & ABOVE_STANDARD == 0;
+    if room > 8 || length > room || word & (REMOTE | ERROR) != 0 || !is_usual {
+        return false;
+    }
+    slot.id =
+        if word & EXTENDED == 0 { CanId::standard((word & 0x7FF) as u16) } else { CanId::extended(word) };
+    slot.flags = FrameFlags(0);
+    slot.length = l0;
+    slot.raw_dlc = 0;
+    if let (Some(target), Some(data)) = (slot.bytes.first_chunk_mut::<8>(), window.last_chunk()) {
+        *target = *data;
+    }
+    true
+}
+
+/// Any frame: identifier, flags, length and data are written to `slot`.
+pub(super) fn frame(packet: &[u8], kind: Kind, order: &mut IdOrder, slot: &mut Frame) -> Result<(), Bad> {
+    let Some(&[i0, i1, i2, i3, length, bits, reserved, raw_dlc]) = packet.first_chunk() else {
+        return Err(if kind == Kind::Xl { Bad::Xl } else { Bad::Short(packet.len()) });
+    };
+    if kind == Kind::Xl || length & XL_FRAME != 0 {
+        return Err(Bad::Xl);
+    }
+    let word = order.decide([i0, i1, i2, i3]);
+    // Classic frames of old recorders hold leftovers of memory here, so one bit alone proves nothing.
+    let is_marked = bits & FD_FRAME != 0 && bits <= 7 && reserved == 0 && raw_dlc == 0;
+    let is_fd = kind == Kind::Fd || is_marked || packet.len() == FD_SIZE || length > MAX_CLASSIC;
+    let mut flags = FrameFlags::default();
+    let mut limit = MAX_CLASSIC;
+    if word & ERROR != 0 {
+        flags = FrameFlags::ERROR;
+    } else if word & REMOTE != 0 {
+        if is_fd {
+            return Err(Bad::RemoteFd);
+        }
+        flags = FrameFlags::REMOTE;
+    } else if is_fd {
+        flags = fd_flags(bits);
+        limit = u8::try_from(MAX_DATA).unwrap_or(u8::MAX);
+    }
+    if length > limit {
+        return Err(Bad::Length { length, limit });
+    }
+    let data = packet.get(HEADER..).unwrap_or_default();
+    match data.get(..usize::from(length)) {
+        _ if flags == FrameFlags::REMOTE => slot.length = length,
+        Some(data) => slot.set_data(data),
+        None => return Err(Bad::Cut { has: data.len(), length }),
+    }
+    slot.id = match word & (EXTENDED | ERROR) {
+        0 => CanId::standard((word & 0x7FF) as u16),
+        _ => CanId::extended(word & IDENTIFIER),
+    };
+    slot.flags = flags;
+    let says_more =
+        !is_fd && flags != FrameFlags::ERROR && length == MAX_CLASSIC && (9..=15).contains(&raw_dlc);
+    slot.raw_dlc = if says_more { raw_dlc } else { 0 };
+    Ok(())
+}
+
+fn fd_flags(bits: u8) -> FrameFlags {
+    let mut flags = FrameFlags::FD;
+    if bits & BIT_RATE_SWITCH != 0 {
+        flags = flags.with(FrameFlags::BIT_RATE_SWITCH);
+    }
+    if bits & ERROR_STATE != 0 {
+        flags = flags.with(FrameFlags::ERROR_STATE);
+    }
+    flags
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(packet: &[u8], kind: Kind) -> Result<String, Bad> {
+        let mut slot = Frame::EMPTY;
+        frame(packet, kind, &mut IdOrder::new(ByteOrder::Big), &mut slot).map(|()| format!("{slot:?}"))
+    }
+
+    #[test]
+    fn classic_frames_of_both_widths() {
+        let standard = b"\0\0\x05\x81\x02\0\0\0\xAA\xBB\0\0\0\0\0\0";
+        assert_eq!(read(standard, Kind::Unsaid).unwrap(), "{0} bus0 581#AABB flags=00 dlc=0");
+        let extended = b"\x98\xFE\xF1\x80\x01\0\0\0\x7F";
+        assert_eq!(read(extended, Kind::Unsaid).unwrap(), "{0} bus0 18FEF180#7F flags=00 dlc=0");
+    }
+
+    #[test]
+    fn a_remote_frame_needs_no_data_and_keeps_its_length() {
+        assert_eq!(
+            read(b"\x40\0\x07\x05\x01\0\0\0", Kind::Unsaid).unwrap(),
+            "{0} bus0 705#R1 flags=01 dlc=0"
+        );
+    }
+
+    #[test]
+    fn an_error_frame_keeps_its_class_as_identifier() {
+        let packet = b"\x20\0\0\x04\x08\0\0\x09\0\x10\0\0\0\0\x60\0";
+        assert_eq!(read(packet, Kind::Unsaid).unwrap(), "{0} bus0 00000004#0010000000006000 flags=02 dlc=0");
+    }
+
+    #[test]
+    fn the_raw_dlc_counts_on_eight_bytes_only() {
+        let eight = b"\0\0\x01\x23\x08\0\0\x0B12345678";
+        assert!(read(eight, Kind::Unsaid).unwrap().ends_with("flags=00 dlc=11"));
+        let two = b"\0\0\x01\x23\x02\0\0\x0B12345678";
+        assert!(read(two, Kind::Unsaid).unwrap().ends_with("flags=00 dlc=0"));
+    }
+
+    #[test]
+    fn can_fd_is_known_by_link_layer_flag_size_or_length() {
+        let mut packet = vec![0, 0, 1, 0x23, 12, 0x05, 0, 0];
+        packet.extend([0xAB; 12]);
+        assert!(read(&packet, Kind::Unsaid).unwrap().ends_with("flags=0C dlc=0"));
+        packet[5] = 0x02;
+        assert!(read(&packet, Kind::Fd).unwrap().ends_with("flags=14 dlc=0"));
+        packet[5] = 0;
+        assert!(
+            read(&packet, Kind::Unsaid).unwrap().ends_with("flags=04 dlc=0"),
+            "too long for a classic frame"
+        );
+        packet[4] = 2;
+        assert!(read(&packet, Kind::Unsaid).unwrap().ends_with("flags=00 dlc=0"));
+        packet.resize(FD_SIZE, 0);
+        assert!(read(&packet, Kind::Unsaid).unwrap().ends_with("flags=04 dlc=0"));
+    }
+
+    #[test]
+    fn leftovers_of_memory_do_not_make_a_frame_can_fd() {
+        assert!(
+            read(b"\0\0\x01\x23\x01\x3C\x10\x40\x55", Kind::Unsaid).unwrap().ends_with("#55 flags=00 dlc=0")
+        );
+    }
+
+    #[test]
+    fn what_is_no_frame_says_why() {
+        let bad = |packet: &[u8], kind| read(packet, kind).unwrap_err().to_string();
+        assert_eq!(bad(b"1234567", Kind::Unsaid), "CAN frame: found 7 bytes, expected at least 8");
+        assert_eq!(bad(b"\0\0\x01\x23\x80\0\x0C\0\0\0\0\0xl", Kind::Unsaid), "CAN XL frame: not supported");
+        assert_eq!(bad(b"", Kind::Xl), "CAN XL frame: not supported");
+        assert_eq!(bad(b"\0\0\x01\x23\x08\0\0\x00123", Kind::Unsaid), "CAN frame: found 3 of 8 data bytes");
+        assert_eq!(
+            bad(b"\0\0\x01\x23\x41\0\0\0", Kind::Fd),
+            "CAN frame: found length 65, expected at most 64"
+        );
+        assert_eq!(
+            bad(b"\x20\0\0\x04\x09\0\0\0", Kind::Unsaid),
+            "CAN frame: found length 9, expected at most 8"
+        );
+        assert_eq!(bad(b"\x40\0\0\x04\x01\0\0\0", Kind::Fd), "CAN frame: a remote frame cannot be CAN FD");
+    }
+
+    #[test]
+    fn an_impossible_identifier_reverses_the_order_until_another_one() {
+        let mut order = IdOrder::new(ByteOrder::Big);
+        assert_eq!(order.decide([0x01, 0x02, 0, 0]), 0x201);
+        assert_eq!(order.news(), Some("little-endian"));
+        assert_eq!(order.decide([0x80, 0, 0, 0]), 0x080, "would be an extended 0 in the other order");
+        assert_eq!(order.decide([0, 0, 0x07, 0x10]), 0x710, "proves big-endian again");
+        assert_eq!((order.decide([5, 7, 0, 0]), order.news()), (0x705, None), "said once");
+        assert_eq!(order.decide([0x01, 0x23, 0x45, 0x17]), 0x1745_2301, "impossible in both: stays");
+    }
+
+    #[test]
+    fn the_common_path_gives_what_the_general_one_gives() {
+        let words =
+            [0u32, 0x123, 0x7FF, 0x800, 0x8000_0000, 0x98FE_F180, 0x4000_0701, 0x2000_0004, 0xFFFF_FFFF];
+        for word in words {
+            for (captured, length, bits) in
+                [(16, 8, 0), (8, 0, 0), (11, 3, 0), (10, 3, 0), (16, 9, 0), (16, 2, 4)]
+            {
+                let mut window = *b"iiiilfrd01234567";
+                window[..4].copy_from_slice(&word.to_be_bytes());
+                window[4..8].copy_from_slice(&[length, bits, 0, 0]);
+                let (mut quick, mut general) = (Frame::EMPTY, Frame::EMPTY);
+                if common(&window, captured, IdOrder::new(ByteOrder::Big), &mut quick) {
+                    let packet = &window[..captured as usize];
+                    frame(packet, Kind::Unsaid, &mut IdOrder::new(ByteOrder::Big), &mut general).unwrap();
+                    assert_eq!(quick, general);
+                }
+            }
+        }
+        let mut slot = Frame::EMPTY;
+        assert!(common(b"\0\0\x01\x23\x08\0\0\x0012345678", 16, IdOrder::new(ByteOrder::Big), &mut slot));
+        assert!(!common(b"\0\0\x01\x23\x08\0\0\x0012345678", 7, IdOrder::new(ByteOrder::Big), &mut slot));
+        assert!(!common(b"\0\0\x01\x23\x08\0\0\x0012345678", 17, IdOrder::new(ByteOrder::Big), &mut slot));
+    }
+}
