@@ -19,7 +19,10 @@ mod candump;
 mod columns;
 mod compression;
 mod link;
+mod pcap;
 mod reader;
+#[cfg(test)]
+mod testing;
 mod text;
 mod trc;
 
@@ -186,7 +189,7 @@ pub struct Format {
 }
 
 /// All formats, binary before text, strict before lenient: the first that recognises a capture reads it.
-pub const FORMATS: &[Format] = &[trc::FORMAT, asc::FORMAT, candump::FORMAT];
+pub const FORMATS: &[Format] = &[pcap::FORMAT, trc::FORMAT, asc::FORMAT, candump::FORMAT];
 
 /// The format that recognises these first bytes.
 pub fn detect(head: &[u8]) -> Option<&'static Format> {
