@@ -20,6 +20,7 @@ mod columns;
 mod compression;
 mod link;
 mod pcap;
+mod pcapng;
 mod reader;
 #[cfg(test)]
 mod testing;
@@ -189,7 +190,7 @@ pub struct Format {
 }
 
 /// All formats, binary before text, strict before lenient: the first that recognises a capture reads it.
-pub const FORMATS: &[Format] = &[pcap::FORMAT, trc::FORMAT, asc::FORMAT, candump::FORMAT];
+pub const FORMATS: &[Format] = &[pcapng::FORMAT, pcap::FORMAT, trc::FORMAT, asc::FORMAT, candump::FORMAT];
 
 /// The format that recognises these first bytes.
 pub fn detect(head: &[u8]) -> Option<&'static Format> {

@@ -1,0 +1,168 @@
+//! Blocks: where one begins, how long it is, and whether the bytes are one at all.
+//!
+//! ```text
+//! block            0 type (4)       4 length of all (4)      8 body   length - 4 length again (4)
+//! section header   0 0x0A0D0D0A     8 magic 0x1A2B3C4D (4): byte order of the section
+//! ```
+
+use pcap_file::pcapng::blocks::{
+    CUSTOM_BLOCK_COPIABLE, CUSTOM_BLOCK_NON_COPIABLE, ENHANCED_PACKET_BLOCK, INTERFACE_DESCRIPTION_BLOCK,
+    INTERFACE_STATISTIC_BLOCK, NAME_RESOLUTION_BLOCK, PACKET_BLOCK, SECTION_HEADER_BLOCK,
+    SIMPLE_PACKET_BLOCK, SYSTEMD_JOURNAL_EXPORT_BLOCK,
+};
+
+use crate::capture::LARGEST_RECORD;
+use crate::capture::byte_order::ByteOrder;
+
+/// Type and length of a block, which every block has.
+pub(super) const START: usize = 8;
+/// Length without body.
+const SHORTEST: usize = 12;
+const TLS_SECRETS_BLOCK: u32 = 0x0A;
+const MAGIC: u32 = 0x1A2B_3C4D;
+
+/// What a block is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    Section,
+    Interface,
+    Packet,
+    ObsoletePacket,
+    SimplePacket,
+    Statistics,
+    /// Known, but nothing of it is read.
+    Unread,
+    Unknown,
+}
+
+impl Kind {
+    /// The kind of a block that begins with `rest`; `None` if that is too short to tell.
+    pub(super) fn at(rest: &[u8], order: ByteOrder) -> Option<Self> {
+        order.u32(rest, 0).map(Self::of)
+    }
+
+    fn of(number: u32) -> Self {
+        match number {
+            SECTION_HEADER_BLOCK => Self::Section,
+            INTERFACE_DESCRIPTION_BLOCK => Self::Interface,
+            ENHANCED_PACKET_BLOCK => Self::Packet,
+            PACKET_BLOCK => Self::ObsoletePacket,
+            SIMPLE_PACKET_BLOCK => Self::SimplePacket,
+            INTERFACE_STATISTIC_BLOCK => Self::Statistics,
+            NAME_RESOLUTION_BLOCK
+            | TLS_SECRETS_BLOCK
+            | SYSTEMD_JOURNAL_EXPORT_BLOCK
+            | CUSTOM_BLOCK_COPIABLE
+            | CUSTOM_BLOCK_NON_COPIABLE => Self::Unread,
+            _ => Self::Unknown,
+        }
+    }
+}
+
+/// One block, or the beginning of one that is too long.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Block<'a> {
+    pub(super) kind: Kind,
+    /// Byte order of its section; for a section header the one that begins.
+    pub(super) order: ByteOrder,
+    /// What lies between the lengths, as far as it is at hand.
+    pub(super) body: &'a [u8],
+    /// Length of the whole block.
+    pub(super) length: u64,
+}
+
+/// What stands at the front of some bytes.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Found<'a> {
+    /// A whole block, both lengths equal.
+    Block(Block<'a>),
+    /// The beginning of a block of more than [`LARGEST_RECORD`] bytes.
+    Large(Block<'a>),
+    /// More input is needed to tell.
+    More,
+    /// No block.
+    Nothing(&'static str),
+}
+
+/// What stands at the front of `rest`, in a section of the given order.
+pub(super) fn find(rest: &[u8], section: ByteOrder, at_end: bool) -> Found<'_> {
+    let more = |why| if at_end { Found::Nothing(why) } else { Found::More };
+    let Some(kind) = Kind::at(rest, section) else {
+        return more("the capture ends inside a block");
+    };
+    let order = match (kind, ByteOrder::Big.u32(rest, START)) {
+        (Kind::Section, Some(MAGIC)) => ByteOrder::Big,
+        (Kind::Section, Some(magic)) if magic == MAGIC.swap_bytes() => ByteOrder::Little,
+        (Kind::Section, Some(_)) => return Found::Nothing("a section header without its magic"),
+        (_, None) => return more("the capture ends inside a block"),
+        _ => section,
+    };
+    let length = order.u32(rest, 4).unwrap_or(0);
+    let size = usize::try_from(length).unwrap_or(usize::MAX);
+    if size < SHORTEST || !size.is_multiple_of(4) {
+        return Found::Nothing("a block of impossible length");
+    }
+    let body_size = size - SHORTEST;
+    if size > LARGEST_RECORD {
+        let Some(body) = rest.get(START..LARGEST_RECORD) else {
+            return more("the capture ends inside a block");
+        };
+        return Found::Large(Block { kind, order, body, length: u64::from(length) });
+    }
+    let (Some(body), Some(again)) =
+        (rest.get(START..).and_then(|body| body.get(..body_size)), order.u32(rest, START + body_size))
+    else {
+        return more("the capture ends inside a block");
+    };
+    if again != length {
+        return Found::Nothing("a block whose two lengths differ");
+    }
+    Found::Block(Block { kind, order, body, length: u64::from(length) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn found(rest: &[u8], at_end: bool) -> String {
+        match find(rest, ByteOrder::Little, at_end) {
+            Found::Block(block) => format!("{:?} {:?} {:?}", block.kind, block.order, block.body),
+            Found::Large(block) => format!("large {:?} {}", block.kind, block.length),
+            Found::More => "more".into(),
+            Found::Nothing(why) => why.into(),
+        }
+    }
+
+    #[test]
+    fn a_block_is_whole_and_says_its_length_twice() {
+        let block = b"\x06\0\0\0\x10\0\0\0body\x10\0\0\0";
+        assert_eq!(found(block, false), "Packet Little [98, 111, 100, 121]");
+        assert_eq!(found(&block[..15], false), "more");
+        assert_eq!(found(&block[..15], true), "the capture ends inside a block");
+        assert_eq!(found(b"\x06\0\0\0\x10\0\0\0body\x11\0\0\0", false), "a block whose two lengths differ");
+    }
+
+    #[test]
+    fn lengths_no_block_can_have_are_no_block() {
+        for length in [0u8, 3, 8, 11, 13] {
+            let block = [6, 0, 0, 0, length, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+            assert_eq!(found(&block, false), "a block of impossible length");
+        }
+    }
+
+    #[test]
+    fn a_section_header_brings_its_own_order() {
+        let big = b"\x0A\x0D\x0D\x0A\0\0\0\x10\x1A\x2B\x3C\x4D\0\0\0\x10";
+        assert_eq!(found(big, false), "Section Big [26, 43, 60, 77]");
+        let none = b"\x0A\x0D\x0D\x0A\0\0\0\x10\x1A\x2B\x3C\x4E\0\0\0\x10";
+        assert_eq!(found(none, false), "a section header without its magic");
+    }
+
+    #[test]
+    fn a_large_block_is_looked_at_as_far_as_a_record_may_be_long() {
+        let mut block = vec![0; LARGEST_RECORD];
+        block[..8].copy_from_slice(b"\x77\x77\0\0\0\0\x04\0");
+        assert_eq!(found(&block[..LARGEST_RECORD - 1], false), "more");
+        assert_eq!(found(&block, false), "large Unknown 262144");
+    }
+}

@@ -1,0 +1,248 @@
+//! One section: its interfaces, and what its blocks hold.
+//!
+//! ```text
+//! enhanced packet   0 interface (4)  4 time, high (4)  8 low (4)  12 captured (4)  16 on the wire (4)
+//!                  20 data, filled up to a multiple of four, then options
+//! obsolete packet   0 interface (2)  2 lost before it (2)  then as above
+//! simple packet     0 on the wire (4)  4 data; of the first interface, without time
+//! statistics        0 interface (4)  4 time (8)  12 options
+//! ```
+
+use super::block::{Block, Kind, START};
+use super::interface::{Interface, Options};
+use super::unreadable;
+use crate::capture::byte_order::ByteOrder;
+use crate::capture::link::{Head, Output, common};
+use crate::capture::{Batch, BusNames, Notice, Place};
+use crate::frame::FrameFlags;
+
+/// Interfaces kept of one section; packets of further ones are unreadable.
+const MAX_INTERFACES: usize = 1_024;
+/// Offset of a packet's data in its block's body.
+const DATA: usize = 20;
+/// Largest block the common path looks at: a frame of 16 bytes.
+const COMMON: usize = 48;
+/// What such a block has besides its packet.
+const AROUND_PACKET: u32 = 32;
+const ENHANCED_PACKET: u32 = pcap_file::pcapng::blocks::ENHANCED_PACKET_BLOCK;
+
+const EPB_FLAGS: u16 = 2;
+const EPB_DROPCOUNT: u16 = 4;
+const ISB_IFDROP: u16 = 5;
+const ISB_OSDROP: u16 = 7;
+/// Value of an obsolete packet's loss counter that says nothing.
+const LOSS_UNKNOWN: u16 = 0xFFFF;
+
+/// The present section, and what is counted over all of them.
+#[derive(Clone)]
+pub(super) struct Section {
+    pub(super) order: ByteOrder,
+    interfaces: Vec<Interface>,
+    frames: u64,
+    pub(super) buses: BusNames,
+}
+
+impl Default for Section {
+    fn default() -> Self {
+        Self { order: ByteOrder::Little, interfaces: Vec::new(), frames: 0, buses: BusNames::default() }
+    }
+}
+
+impl Section {
+    /// Common packets in a row; returns the bytes they took.
+    #[inline]
+    pub(super) fn run<const BIG: bool>(&mut self, input: &[u8], batch: &mut Batch) -> usize {
+        let number =
+            |bytes: &[u8; 4]| if BIG { u32::from_be_bytes(*bytes) } else { u32::from_le_bytes(*bytes) };
+        let mut taken = 0;
+        // What is known of the last packet's interface: mostly the next one is of the same.
+        let mut last = None;
+        while let Some(window) = input.get(taken..).and_then(<[u8]>::first_chunk::<COMMON>) {
+            let ([kind, total, interface, high, low, captured, _, ..], []) = window.as_chunks::<4>() else {
+                break;
+            };
+            let (total, captured) = (number(total), number(captured));
+            let interface = number(interface);
+            let (bus, order, clock) = match last {
+                Some((number, known)) if number == interface => known,
+                _ => {
+                    let Some(known) = self.interfaces.get(interface as usize).and_then(Interface::usual)
+                    else {
+                        break;
+                    };
+                    last = Some((interface, known));
+                    known
+                }
+            };
+            let (Some(packet), Some(slot)) =
+                (window.get(START + DATA..).and_then(<[u8]>::first_chunk), batch.slot())
+            else {
+                break;
+            };
+            if number(kind) != ENHANCED_PACKET || !common(packet, captured, order, slot) {
+                break;
+            }
+            let size = total as usize;
+            let is_bare = total == AROUND_PACKET + captured.next_multiple_of(4);
+            let again = window.get(size.wrapping_sub(4)..).and_then(<[u8]>::first_chunk);
+            if !is_bare || again.map(number) != Some(total) {
+                break;
+            }
+            self.frames += 1;
+            slot.number = self.frames;
+            slot.time = Some(clock.time(number(high), number(low)));
+            slot.bus = bus;
+            batch.commit();
+            taken += size;
+        }
+        taken
+    }
+
+    /// Whether a block fits what is known: for telling blocks from garbage.
+    pub(super) fn is_plausible(&self, block: &Block<'_>) -> bool {
+        let Block { body, order, .. } = *block;
+        let interface = match block.kind {
+            Kind::Packet | Kind::Statistics => order.u32(body, 0),
+            Kind::ObsoletePacket => order.u16(body, 0).map(u32::from),
+            Kind::SimplePacket => Some(0),
+            Kind::Interface => return body.len() >= Interface::SHORTEST,
+            Kind::Section | Kind::Unread | Kind::Unknown => return true,
+        };
+        let Some(interface) = interface.and_then(|number| self.interfaces.get(number as usize)) else {
+            return false;
+        };
+        if matches!(block.kind, Kind::Statistics | Kind::SimplePacket) {
+            return true;
+        }
+        let captured = u64::from(order.u32(body, 12).unwrap_or(u32::MAX));
+        let is_too_large = body.len() as u64 + 12 < block.length && interface.channel.may_hold_can();
+        captured.saturating_add(u64::from(AROUND_PACKET)) <= block.length && !is_too_large
+    }
+
+    pub(super) fn take(&mut self, block: &Block<'_>, place: Place, batch: &mut Batch) {
+        match block.kind {
+            Kind::Section => {
+                self.order = block.order;
+                self.summarise(batch);
+                self.interfaces.clear();
+            }
+            Kind::Interface => self.interface(block, place, batch),
+            Kind::Packet => {
+                let number = block.order.u32(block.body, 0);
+                self.packet(number, block, place, batch);
+            }
+            Kind::ObsoletePacket => {
+                let lost = block.order.u16(block.body, 2).filter(|lost| *lost != LOSS_UNKNOWN);
+                say_lost(u64::from(lost.unwrap_or(0)), place, batch);
+                let number = block.order.u16(block.body, 0).map(u32::from);
+                self.packet(number, block, place, batch);
+            }
+            Kind::SimplePacket => self.simple_packet(block, place, batch),
+            Kind::Statistics => self.statistics(block, place, batch),
+            Kind::Unread | Kind::Unknown => {}
+        }
+    }
+
+    fn interface(&mut self, block: &Block<'_>, place: Place, batch: &mut Batch) {
+        if block.body.len() < Interface::SHORTEST {
+            let reason = "interface description: too short".to_owned();
+            batch.notice(Notice::Unreadable { place, reason });
+        }
+        if self.interfaces.len() < MAX_INTERFACES {
+            self.interfaces.push(Interface::read(block.body, block.order, self.interfaces.len()));
+        }
+    }
+
+    /// An enhanced or obsolete packet: their bodies differ before the time only.
+    fn packet(&mut self, number: Option<u32>, block: &Block<'_>, place: Place, batch: &mut Batch) {
+        let Block { body, order, .. } = *block;
+        let fields =
+            (number, order.u32(body, 4), order.u32(body, 8), order.u32(body, 12), order.u32(body, 16));
+        let (Some(number), Some(high), Some(low), Some(captured), Some(_)) = fields else {
+            unreadable("packet block: too short".into(), place, batch);
+            return;
+        };
+        let Some(interface) = self.interfaces.get_mut(number as usize) else {
+            unreadable(format!("packet of interface {number}, which was not described"), place, batch);
+            return;
+        };
+        if !interface.channel.may_hold_can() {
+            interface.channel.skip();
+            return;
+        }
+        let data = body.get(DATA..).unwrap_or_default();
+        let Some(packet) = data.get(..captured as usize) else {
+            let reason = format!("packet block: found {} of {captured} captured bytes", data.len());
+            unreadable(reason, place, batch);
+            return;
+        };
+        let mut flags = FrameFlags::default();
+        if block.kind == Kind::Packet {
+            let options = data.get((captured as usize).next_multiple_of(4)..).unwrap_or_default();
+            flags = packet_options(options, order, place, batch);
+        }
+        let head = Head { time: Some(interface.clock.time(high, low)), flags, place };
+        let mut out = Output { batch, frames: &mut self.frames, buses: &mut self.buses };
+        interface.channel.packet(packet, head, &mut out);
+    }
+
+    fn simple_packet(&mut self, block: &Block<'_>, place: Place, batch: &mut Batch) {
+        let Some(interface) = self.interfaces.first_mut() else {
+            unreadable("packet of interface 0, which was not described".into(), place, batch);
+            return;
+        };
+        let Some(on_the_wire) = block.order.u32(block.body, 0) else {
+            unreadable("packet block: too short".into(), place, batch);
+            return;
+        };
+        let longest = if interface.longest == 0 { u32::MAX } else { interface.longest };
+        let data = block.body.get(4..).unwrap_or_default();
+        // The data are filled up; how many count is not said anywhere else.
+        let packet = data.get(..on_the_wire.min(longest) as usize).unwrap_or(data);
+        let head = Head { time: None, flags: FrameFlags::default(), place };
+        let mut out = Output { batch, frames: &mut self.frames, buses: &mut self.buses };
+        interface.channel.packet(packet, head, &mut out);
+    }
+
+    /// Counters of losses only grow: what is new since the last time is said.
+    fn statistics(&mut self, block: &Block<'_>, place: Place, batch: &mut Batch) {
+        let number = block.order.u32(block.body, 0).unwrap_or(u32::MAX);
+        let Some(interface) = self.interfaces.get_mut(number as usize) else { return };
+        let options = Options::new(block.body.get(12..).unwrap_or_default(), block.order);
+        let lost = options
+            .filter(|(code, _)| matches!(*code, ISB_IFDROP | ISB_OSDROP))
+            .filter_map(|(_, value)| block.order.u64(value, 0))
+            .fold(0u64, u64::saturating_add);
+        if interface.channel.may_hold_can() {
+            say_lost(lost.saturating_sub(interface.lost), place, batch);
+            interface.lost = interface.lost.max(lost);
+        }
+    }
+
+    /// Says which packets of the section were no CAN.
+    pub(super) fn summarise(&self, batch: &mut Batch) {
+        for notice in self.interfaces.iter().filter_map(|interface| interface.channel.summary()) {
+            batch.notice(notice);
+        }
+    }
+}
+
+/// Direction of a packet; losses before it are said.
+fn packet_options(options: &[u8], order: ByteOrder, place: Place, batch: &mut Batch) -> FrameFlags {
+    let mut flags = FrameFlags::default();
+    for (code, value) in Options::new(options, order) {
+        match (code, order.u32(value, 0).map(|bits| bits & 3), order.u64(value, 0)) {
+            (EPB_FLAGS, Some(1), _) => flags = flags.with(FrameFlags::RECEIVED),
+            (EPB_FLAGS, Some(2), _) => flags = flags.with(FrameFlags::TRANSMITTED),
+            (EPB_DROPCOUNT, _, Some(lost)) => say_lost(lost, place, batch),
+            _ => {}
+        }
+    }
+    flags
+}
+
+fn say_lost(lost: u64, place: Place, batch: &mut Batch) {
+    if lost > 0 {
+        batch.notice(Notice::LostFrames { place, count: Some(lost) });
+    }
+}
