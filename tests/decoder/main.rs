@@ -3,6 +3,7 @@
 #![expect(clippy::disallowed_methods, reason = "tests open files")]
 
 mod expected;
+mod formats_pcap;
 mod formats_text;
 #[path = "../support/mod.rs"]
 mod support;
