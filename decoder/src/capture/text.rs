@@ -14,7 +14,7 @@ pub(super) struct Lines {
 
 /// What [`Lines::next`] found.
 pub(super) enum Step<'a> {
-    /// A line without its end (`\n`, `\r\n`), and how many bytes it takes with it.
+    /// A line without its end (`\n`, `\r\n` or `\r`), and how many bytes it takes with it.
     Line(&'a [u8], usize),
     /// Bytes to pass over: the rest of a line that was too long.
     Skip(usize),
@@ -36,14 +36,25 @@ impl Lines {
 
     /// The first line of `input`.
     pub(super) fn next<'a>(&mut self, input: &'a [u8], at_end: bool) -> Step<'a> {
-        match memchr::memchr(b'\n', input) {
-            Some(end) if self.skipping => {
+        let found = memchr::memchr2(b'\n', b'\r', input);
+        // Of `\r\n` the first byte is found; whether the second follows must be known.
+        let end = match found.and_then(|end| Some((end, input.get(end..)?))) {
+            Some((end, [b'\r', b'\n', ..])) => Some((end, end + 2)),
+            Some((_, [b'\r'])) if !at_end => None,
+            Some((end, _)) => Some((end, end + 1)),
+            None => None,
+        };
+        match end {
+            Some((_, taken)) if self.skipping => {
                 self.skipping = false;
-                Step::Skip(end + 1)
+                Step::Skip(taken)
             }
-            Some(end) if end <= LONGEST_LINE => self.line(input.get(..end).unwrap_or_default(), end + 1),
+            Some((end, taken)) if end <= LONGEST_LINE => {
+                self.line(input.get(..end).unwrap_or_default(), taken)
+            }
             None if input.is_empty() => Step::More,
-            None if self.skipping => Step::Skip(input.len()),
+            None if self.skipping && found.is_none() => Step::Skip(input.len()),
+            None if self.skipping => Step::More,
             // Cut at the same byte however much input there is.
             _ if input.len() > LONGEST_LINE => {
                 self.skipping = true;
@@ -56,7 +67,6 @@ impl Lines {
 
     fn line<'a>(&mut self, line: &'a [u8], taken: usize) -> Step<'a> {
         self.number += 1;
-        let line = line.strip_suffix(b"\r").unwrap_or(line);
         let line = if self.number == 1 { line.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(line) } else { line };
         Step::Line(line, taken)
     }
@@ -94,6 +104,7 @@ mod tests {
     #[test]
     fn line_ends_and_byte_order_mark_are_taken_off() {
         assert_eq!(all(b"\xEF\xBB\xBFone\r\ntwo\n\nlast"), ["one", "two", "", "last"]);
+        assert_eq!(all(b"one\rtwo\r\rlast\r"), ["one", "two", "", "last"]);
     }
 
     #[test]

@@ -15,7 +15,7 @@ use nom::sequence::{delimited, preceded, terminated};
 use nom::{IResult, Parser};
 
 use crate::capture::calendar::utc;
-use crate::frame::{CanId, FrameFlags, MAX_DATA};
+use crate::frame::{CanId, FrameFlags, MAX_DATA, fd_length};
 
 /// SocketCAN's mark of an error frame within a 32-bit identifier.
 const ERROR_FLAG: u32 = 0x2000_0000;
@@ -25,6 +25,8 @@ const ERROR_FLAG: u32 = 0x2000_0000;
 pub(super) enum Line<'a> {
     /// A frame.
     Frame(FrameLine<'a>),
+    /// candump -d: the socket lost this many frames.
+    Dropped(u64),
     /// Nothing, and rightly so: blank, comment, marker, detail of an error frame, shell prompt.
     Nothing,
 }
@@ -63,12 +65,19 @@ pub(super) fn parse(line: &[u8]) -> Result<Line<'_>, LineError> {
     if is_nothing(line) {
         return Ok(Line::Nothing);
     }
+    if let Ok((_, count)) = drop_count(line) {
+        return Ok(Line::Dropped(count));
+    }
     let Ok((rest, (stamp, is_date))) = leading_stamp(line) else {
         return Err(LineError::Broken("time stamp: expected (seconds.fraction) or (date time.fraction)"));
     };
     let has_stamp = stamp.is_some();
     let Ok((rest, bus)) = interface(rest) else {
-        return Err(if has_stamp { LineError::Broken("no interface name") } else { LineError::NotCandump });
+        return match (has_stamp, is_prompt(line)) {
+            (true, _) => Err(LineError::Broken("no interface name")),
+            (false, true) => Ok(Line::Nothing),
+            (false, false) => Err(LineError::NotCandump),
+        };
     };
     let body = match log_body(rest) {
         Some(result) => result,
@@ -82,6 +91,27 @@ pub(super) fn parse(line: &[u8]) -> Result<Line<'_>, LineError> {
         }
         Err(error) => Err(error),
     }
+}
+
+/// `DROPCOUNT: dropped 55 CAN frames on 'vcan0' socket (total drops 55)`
+fn drop_count(line: &[u8]) -> Parsed<'_, u64> {
+    delimited(tag("DROPCOUNT: dropped "), digit1, tag(" CAN frame"))
+        .map(|digits| u64::try_from(decimal(digits)).unwrap_or(0))
+        .parse(line)
+}
+
+/// The line without the colours of `candump -c`.
+pub(super) fn without_colors(line: &[u8]) -> std::borrow::Cow<'_, [u8]> {
+    const ESCAPE: u8 = 0x1B;
+    let mut parts = line.split(|byte| *byte == ESCAPE);
+    let Some(first) = parts.next().filter(|first| first.len() < line.len()) else { return line.into() };
+    let mut plain = first.to_vec();
+    for part in parts {
+        // `[` parameters letter: a colour; anything else stays as it is.
+        let end = part.iter().position(u8::is_ascii_alphabetic).filter(|_| part.starts_with(b"["));
+        plain.extend_from_slice(end.and_then(|end| part.get(end + 1..)).unwrap_or(part));
+    }
+    plain.into()
 }
 
 fn interface(input: &[u8]) -> Parsed<'_, &[u8]> {
@@ -182,10 +212,13 @@ fn nibble(digit: u8) -> Option<u8> {
 
 /// `123#1122`, `123#R4`, `123##1…`; `None` if there is no `#` where the log form has it.
 fn log_body(input: &[u8]) -> Option<Result<FrameLine<'static>, LineError>> {
-    let hash = memchr::memchr(b'#', input).filter(|at| *at <= 8)?;
+    let hash = memchr::memchr(b'#', input).filter(|at| (1..=8).contains(at))?;
     let (digits, rest) = (input.get(..hash)?, input.get(hash + 1..)?);
     if !digits.iter().all(u8::is_ascii_hexdigit) {
         return None;
+    }
+    if rest.first().is_some_and(u8::is_ascii_hexdigit) && split_word(rest).0.contains(&b':') {
+        return Some(Err(LineError::CanXl));
     }
     let Some((id, flags)) = identifier(digits) else {
         return Some(Err(LineError::Broken(
@@ -197,7 +230,6 @@ fn log_body(input: &[u8]) -> Option<Result<FrameLine<'static>, LineError>> {
     Some(match payload {
         [b'#', rest @ ..] => fd_payload(rest, body),
         [b'R' | b'r', rest @ ..] => remote_payload(rest, body),
-        _ if payload.contains(&b':') => Err(LineError::CanXl),
         _ => classic_payload(payload, body),
     })
 }
@@ -229,6 +261,9 @@ fn fd_payload<'a>(rest: &[u8], mut body: FrameLine<'a>) -> Result<FrameLine<'a>,
         body.flags = body.flags.with(FrameFlags::ERROR_STATE);
     }
     hex_data(rest, MAX_DATA, &mut body)?;
+    if (0..=15).all(|dlc| fd_length(dlc) != body.length) {
+        return Err(LineError::Broken("FD frame: expected 0 to 8, 12, 16, 20, 24, 32, 48 or 64 bytes"));
+    }
     Ok(body)
 }
 
@@ -298,6 +333,9 @@ fn screen_body(input: &[u8]) -> Result<FrameLine<'static>, LineError> {
     let (digits, rest) = split_word(rest);
     let (id, flags) = identifier(digits).ok_or(LineError::NotCandump)?;
     let mut body = FrameLine { id, flags: flags.with(marks.unwrap_or_default()), ..EMPTY };
+    if is_xl_length(rest) {
+        return Err(LineError::CanXl);
+    }
     let (rest, (count, is_fd, raw_dlc)) = bracketed_length(rest).map_err(|_| LineError::NotCandump)?;
     let limit = if is_fd { MAX_DATA } else { 8 };
     if is_fd {
@@ -314,6 +352,11 @@ fn screen_body(input: &[u8]) -> Result<FrameLine<'static>, LineError> {
     }
     screen_data(rest, count, &mut body)?;
     Ok(body)
+}
+
+/// CAN XL lengths have four digits: `[0007]`.
+fn is_xl_length(rest: &[u8]) -> bool {
+    matches!(rest.trim_ascii_start(), [b'[', a, b, c, d, b']', ..] if [a, b, c, d].iter().all(|digit| digit.is_ascii_digit()))
 }
 
 /// `RX - -` or `TX B E`: direction, bit rate switch, error state.

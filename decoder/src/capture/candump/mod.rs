@@ -23,10 +23,10 @@ pub(super) const FORMAT: Format = Format {
     name: "candump",
     title: "candump text",
     detect: |head| {
-        head.split(|byte| *byte == b'\n').take(DETECTING_LINES).any(|line| {
+        head.split(|byte| matches!(byte, b'\n' | b'\r')).take(DETECTING_LINES).any(|line| {
             let line = line.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(line);
             let line = line.strip_suffix(b"\r").unwrap_or(line);
-            matches!(line::parse(line), Ok(Line::Frame(_)) | Err(LineError::CanXl))
+            matches!(line::parse(&line::without_colors(line)), Ok(Line::Frame(_)) | Err(LineError::CanXl))
         })
     },
     parser: |options| Box::new(Candump::new(options)),
@@ -89,8 +89,14 @@ impl Candump {
 
     /// One line the general way.
     fn line(&mut self, line: &[u8], batch: &mut Batch) {
-        match line::parse(line) {
+        match line::parse(&line::without_colors(line)) {
             Ok(Line::Nothing) => {}
+            Ok(Line::Dropped(count)) => {
+                batch.notice(Notice::LostFrames {
+                    place: Place::Line(self.lines.number()),
+                    count: Some(count),
+                });
+            }
             Ok(Line::Frame(found)) => self.frame(&found, batch),
             Err(error) => self.unreadable(line, &error, batch),
         }
@@ -144,7 +150,8 @@ impl Candump {
 
     /// Whether the stamps' meaning is known, or could be found out from the lines ahead.
     fn is_decided(&mut self, line: &[u8], ahead: &[u8], at_end: bool) -> bool {
-        let Ok(Line::Frame(FrameLine { stamp: Some(stamp), .. })) = line::parse(line) else { return true };
+        let plain = line::without_colors(line);
+        let Ok(Line::Frame(FrameLine { stamp: Some(stamp), .. })) = line::parse(&plain) else { return true };
         if !self.clock.must_decide(stamp) {
             self.clock.settle();
             return true;
@@ -155,12 +162,13 @@ impl Candump {
         if !enough {
             return false;
         }
-        let stamps = ahead.split(|byte| *byte == b'\n').take(DECIDING_LINES).filter_map(|line| {
-            match line::parse(line.strip_suffix(b"\r").unwrap_or(line)) {
-                Ok(Line::Frame(found)) => found.stamp,
-                _ => None,
-            }
-        });
+        let stamps =
+            ahead.split(|byte| matches!(byte, b'\n' | b'\r')).take(DECIDING_LINES).filter_map(|line| {
+                match line::parse(&line::without_colors(line.strip_suffix(b"\r").unwrap_or(line))) {
+                    Ok(Line::Frame(found)) => found.stamp,
+                    _ => None,
+                }
+            });
         self.clock.decide(stamps);
         true
     }
