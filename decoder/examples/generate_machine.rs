@@ -1,0 +1,49 @@
+//! Writes a capture of a machine of eight CANopen nodes to standard output.
+//!
+//! ```text
+//! cargo run --release --example generate_machine -- --frames 1000000 > machine.log
+//! ```
+//!
+//! Options: `--frames N` (1000000), `--seed N` (1), `--format candump|pcap|pcapng`, `--storm` (every second
+//! SDO transfer aborted, every tenth frame an EMCY), `--mapping` (PDO mappings are told by SDO).
+
+#[path = "../benches/machine/mod.rs"]
+mod machine;
+
+use std::io::{self, BufWriter, Write};
+
+use machine::formats::Format;
+use machine::{Machine, Options};
+
+fn main() -> io::Result<()> {
+    let mut frames = 1_000_000;
+    let mut format = Format::Candump;
+    let mut options = Options { seed: 1, storm: false, mapping: false };
+    let mut arguments = std::env::args().skip(1);
+    while let Some(argument) = arguments.next() {
+        match argument.as_str() {
+            "--storm" => options.storm = true,
+            "--mapping" => options.mapping = true,
+            "--frames" => frames = number(arguments.next())?,
+            "--seed" => options.seed = number(arguments.next())?,
+            "--format" => {
+                format = arguments.next().and_then(|text| Format::named(&text)).ok_or_else(usage)?;
+            }
+            _ => return Err(usage()),
+        }
+    }
+    let mut out = BufWriter::with_capacity(256 * 1024, io::stdout().lock());
+    format.begin(&mut out)?;
+    for message in Machine::new(options).take(frames) {
+        format.write(&message, &mut out)?;
+    }
+    out.flush()
+}
+
+fn number<T: std::str::FromStr>(text: Option<String>) -> io::Result<T> {
+    text.and_then(|text| text.parse().ok()).ok_or_else(usage)
+}
+
+fn usage() -> io::Error {
+    io::Error::other("options: --frames N --seed N --format candump|pcap|pcapng --storm --mapping")
+}
