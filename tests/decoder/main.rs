@@ -2,6 +2,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 #![expect(clippy::disallowed_methods, reason = "tests open files")]
 
+mod corpus;
 mod dialects;
 mod expected;
 mod formats_pcap;

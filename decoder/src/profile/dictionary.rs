@@ -157,8 +157,8 @@ impl ObjectEntry<'_> {
     /// `Producer heartbeat time`, `Identity object, Vendor-ID`.
     pub fn name(&self) -> String {
         match self.entry_name {
-            Some(entry) => format!("{}, {entry}", self.object_name),
-            None => self.object_name.to_owned(),
+            Some(entry) if entry != self.object_name => format!("{}, {entry}", self.object_name),
+            _ => self.object_name.to_owned(),
         }
     }
 

@@ -10,9 +10,23 @@ use crate::wire::canopen::{sync, time};
 pub(in crate::session) struct SyncState {
     seen: bool,
     counter: Option<u8>,
+    /// Last TIME in milliseconds since 1984, and when it came.
+    time: Option<(i64, i64)>,
 }
 
+/// A clock that is off by less, in milliseconds, is the same clock.
+const CLOCK_TOLERANCE: i64 = 1_000;
+
 impl SyncState {
+    /// Whether a TIME says what the one before and the time since let expect.
+    fn expects(&mut self, milliseconds: i64, now: i64) -> bool {
+        let before = self.time.replace((milliseconds, now));
+        before.is_some_and(|(then, at)| {
+            let elapsed = now.saturating_sub(at) / 1_000_000;
+            (milliseconds - then - elapsed).abs() < CLOCK_TOLERANCE
+        })
+    }
+
     /// Takes the next counter; gives the one that should have come if another came.
     ///
     /// The overflow value (1019) may be unknown, so a step back to 1 is always right (CiA 301 §7.2.5.3).
@@ -44,7 +58,10 @@ impl Bus {
         match time::parse(frame.data()) {
             Ok(time) => {
                 let kind = EventKind::Time { milliseconds: time.milliseconds, days: time.days };
-                self.emit(frame, 0, false, kind, out);
+                let total = i64::from(time.days) * 86_400_000 + i64::from(time.milliseconds);
+                let now = self.clock.now();
+                let routine = self.sync.expects(total, now) && self.clock.runs();
+                self.emit(frame, 0, routine, kind, out);
             }
             Err(error) => self.malformed(frame, 0, error, "TIME has six bytes", out),
         }

@@ -8,7 +8,7 @@ use crate::event::{
     SdoTransfer, Silence, StateCause, StateChange, Undecoded,
 };
 use crate::frame::FrameFlags;
-use crate::profile::{self, Value};
+use crate::profile::{self, DataType, Value};
 use crate::query::record::{can_error_text, time_of_day};
 use crate::session::Bus;
 use crate::wire::canopen::lss::Content;
@@ -308,10 +308,10 @@ fn value(transfer: &SdoTransfer) -> String {
     let entry = transfer.object.and_then(|object| profile::communication_objects().find(object));
     let show = |data: &[u8]| match entry {
         Some(entry) => match entry.decode(data) {
-            Value::Bytes(data) => bytes(&data),
+            Value::Bytes(data) => unknown(&data),
             known => entry.show(&known),
         },
-        None => bytes(data),
+        None => unknown(data),
     };
     let changed = transfer.direction == Some(Direction::Download);
     let previous =
@@ -319,6 +319,15 @@ fn value(transfer: &SdoTransfer) -> String {
     let before = previous.map_or(String::new(), |previous| format!("{} → ", show(previous)));
     let size = if transfer.size > 8 { format!(" ({} bytes)", transfer.size) } else { String::new() };
     format!(" = {before}{}{size}", show(&transfer.data))
+}
+
+/// Bytes of unknown type; a longer run of characters is most likely a text, so it is shown as one.
+fn unknown(data: &[u8]) -> String {
+    let characters = data.trim_ascii_end().strip_suffix(b"\0").unwrap_or(data);
+    if characters.len() > 4 && characters.iter().all(|byte| byte.is_ascii_graphic() || *byte == b' ') {
+        return format!("{}?", DataType::VisibleString.decode(characters));
+    }
+    bytes(data)
 }
 
 fn outcome(transfer: &SdoTransfer, what: &mut String) -> Tone {

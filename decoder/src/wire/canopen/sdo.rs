@@ -176,6 +176,19 @@ pub enum Sdo<'a> {
     },
 }
 
+impl Sdo<'_> {
+    /// Whether a client begins a transfer with it.
+    pub const fn begins(&self) -> bool {
+        matches!(
+            self,
+            Self::InitiateDownload { .. }
+                | Self::InitiateUpload { .. }
+                | Self::InitiateBlockDownload { .. }
+                | Self::InitiateBlockUpload { .. }
+        )
+    }
+}
+
 /// A segment of a segmented transfer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Segment<'a> {

@@ -106,6 +106,12 @@ impl Channels {
         self.get(channel).map(|channel| (channel.request, channel.response))
     }
 
+    /// Whether a transfer is open on the channel in which both sides took part.
+    pub(super) fn is_answered(&self, channel: u16) -> bool {
+        let transfer = self.get(channel).and_then(|channel| channel.transfer.as_ref());
+        transfer.is_some_and(|transfer| !transfer.cut_start || transfer.is_answered())
+    }
+
     /// In which phase a side of the channel is.
     pub(super) fn phase(&self, channel: u16, side: Side) -> Option<Phase> {
         let transfer = self.get(channel)?.transfer.as_deref();
@@ -249,6 +255,9 @@ impl Channel {
                 None => self.server(index, message, frame),
             },
         };
+        if let Some(transfer) = &mut self.transfer {
+            transfer.saw(side);
+        }
         if let Some(transfer) = &mut self.transfer
             && transfer.frame_count == 1
         {
@@ -288,6 +297,7 @@ impl Channel {
         cut.mode = Some(Mode::Block);
         cut.direction = Some(if by_client { Direction::Download } else { Direction::Upload });
         cut.stage = Stage::BlockSegments;
+        cut.saw(side);
         let data = frame.data().get(1..).unwrap_or_default();
         cut.blocks_mut().segment(command & 0x7F, command & 0x80 != 0, data);
         self.transfer = Some(Box::new(cut));
@@ -313,14 +323,7 @@ impl Channel {
 
     /// A client that begins anew gives up what was open.
     fn superseded_by(&mut self, message: &Sdo<'_>) -> Option<Box<Transfer>> {
-        let begins = matches!(
-            message,
-            Sdo::InitiateDownload { .. }
-                | Sdo::InitiateUpload { .. }
-                | Sdo::InitiateBlockDownload { .. }
-                | Sdo::InitiateBlockUpload { .. }
-        );
-        let mut transfer = if begins { self.transfer.take() } else { None }?;
+        let mut transfer = if message.begins() { self.transfer.take() } else { None }?;
         transfer.end(Outcome::Superseded);
         Some(transfer)
     }

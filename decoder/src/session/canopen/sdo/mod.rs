@@ -53,6 +53,14 @@ impl Bus {
             return self.malformed(frame, server, error, "unknown SDO command specifier", out);
         }
         let command = frame.data().first().copied().unwrap_or(0);
+        if !self.belief.is_believed() {
+            self.belief.saw_unsupported(server);
+            // Without a sign of CANopen a message without beginning is followed, but not taken for SDO
+            // before the other side joins in.
+            if !message.begins() && !self.channels.is_answered(channel) {
+                self.undecoded(frame, None, out);
+            }
+        }
         let finished = self.channels.take(channel, side, message, command, frame, now);
         for transfer in finished.into_iter().flatten() {
             self.finish_transfer(server, &transfer, frame, out);
@@ -93,6 +101,9 @@ impl Bus {
 
     /// Emits a transfer and lets its value take effect. `frame` is the one that ended it.
     fn finish_transfer(&mut self, server: u8, transfer: &Transfer, frame: &Frame, out: &mut dyn Observer) {
+        if !self.belief.is_believed() && transfer.cut_start && !transfer.is_answered() {
+            return;
+        }
         let mut event = self.event(frame, EventKind::SdoTransfer(Box::new(self.describe(server, transfer))));
         event.node = Some(server);
         event.frames = transfer.frames;

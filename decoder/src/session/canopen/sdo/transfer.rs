@@ -5,7 +5,7 @@ use crate::event::{Abort, Crc, Direction, FrameRange, Mode, Outcome};
 use crate::frame::Frame;
 use crate::session::TRANSFER_DATA_LIMIT;
 use crate::wire::canopen::ObjectAddress;
-use crate::wire::canopen::sdo::Segment;
+use crate::wire::canopen::sdo::{Segment, Side};
 
 /// What the transfer waits for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,6 +49,8 @@ pub(super) struct Transfer {
     pub(super) outcome: Outcome,
     pub(super) abort: Option<Abort>,
     pub(super) cut_start: bool,
+    /// Frames of the client and of the server were seen.
+    pub(super) sides: (bool, bool),
     /// First byte of the frame that opened it, and whether the client sent it.
     pub(super) opened_by: (u8, bool),
 }
@@ -76,6 +78,7 @@ impl Transfer {
             outcome: Outcome::Unfinished,
             abort: None,
             cut_start: false,
+            sides: (false, false),
             opened_by: (0, false),
         }
     }
@@ -87,6 +90,19 @@ impl Transfer {
             self.frame_count += 1;
             self.last_time = frame.time.map(|time| time.0).or(self.last_time);
         }
+    }
+
+    /// A side sent one of its frames.
+    pub(super) fn saw(&mut self, side: Side) {
+        match side {
+            Side::Client => self.sides.0 = true,
+            Side::Server => self.sides.1 = true,
+        }
+    }
+
+    /// Whether both sides took part.
+    pub(super) fn is_answered(&self) -> bool {
+        self.sides == (true, true)
     }
 
     /// Nanoseconds from first to last frame.
