@@ -5,6 +5,7 @@ pub mod event;
 pub mod frame;
 pub mod profile;
 pub mod query;
+pub mod replay;
 pub mod session;
 pub mod sink;
 pub mod wire;

@@ -7,5 +7,6 @@ mod dialects;
 mod expected;
 mod formats_pcap;
 mod formats_text;
+mod replay;
 #[path = "../support/mod.rs"]
 mod support;

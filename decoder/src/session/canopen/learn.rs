@@ -60,7 +60,8 @@ impl Bus {
             (0x1012, 0) => self.route_to(Service::Time, number & !0xC000_0000),
             (0x1014, 0) => self.route_to(Service::Emcy(id), number),
             (0x1017, 0) => self.heartbeat_time(id, number),
-            (0x1200..=0x127F, 1 | 2) => self.learn_channel(id, address.index),
+            (0x1200..=0x127F, _) => self.learn_channel(id, address.index),
+            (0x1280..=0x12FF, _) => self.learn_client(id, address.index),
             (0x1400..=0x1BFF, _) => self.learn_pdo(id, address),
             _ => {}
         }
@@ -107,6 +108,18 @@ impl Bus {
         let client = self.number(id, ObjectAddress::new(index, 3)).and_then(|id| u8::try_from(id).ok());
         if let [Some(request), Some(response)] = ids
             && let Some(channel) = self.channels.add(id, index, request, response, client)
+        {
+            self.route_channel(channel, request, response);
+        }
+    }
+
+    /// SDO client parameter 1280 and up: whom this node asks, and on which identifiers.
+    fn learn_client(&mut self, id: u8, index: u16) {
+        let number = |sub| self.number(id, ObjectAddress::new(index, sub));
+        let ids = [number(1).and_then(identifier), number(2).and_then(identifier)];
+        let server = number(3).and_then(|server| u8::try_from(server).ok());
+        if let ([Some(request), Some(response)], Some(server @ 1..=127)) = (ids, server)
+            && let Some(channel) = self.channels.of_client(server, index, request, response, id)
         {
             self.route_channel(channel, request, response);
         }

@@ -83,6 +83,23 @@ impl Channels {
         u16::try_from(index).ok()
     }
 
+    /// The channel a client's parameter describes: the server's own where the identifiers are equal.
+    pub(in crate::session) fn of_client(
+        &mut self,
+        server: u8,
+        parameter: u16,
+        request: CanId,
+        response: CanId,
+        client: u8,
+    ) -> Option<u16> {
+        let same = |channel: &Channel| (channel.request, channel.response) == (request, response);
+        if let Some(index) = self.channels.iter().position(same) {
+            self.channels.get_mut(index)?.client = Some(client);
+            return u16::try_from(index).ok();
+        }
+        self.add(server, parameter, request, response, Some(client))
+    }
+
     fn get(&self, channel: u16) -> Option<&Channel> {
         self.channels.get(usize::from(channel))
     }
