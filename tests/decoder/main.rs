@@ -10,3 +10,4 @@ mod formats_text;
 mod replay;
 #[path = "../support/mod.rs"]
 mod support;
+mod tidy;

@@ -1,3 +1,5 @@
+//! Unit tests of the pcapng reader, apart for their length.
+
 #![expect(clippy::cast_possible_truncation, reason = "made-up numbers are small")]
 
 use proptest::prelude::*;
