@@ -1,1 +1,7 @@
 //! Behaviour of the program as its user sees it.
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+mod cli;
+mod readme;
+#[path = "../support/mod.rs"]
+mod support;

@@ -1,0 +1,140 @@
+//! Arguments, input, output and exit codes.
+
+use std::io::Write;
+use std::process::{Command, Stdio};
+
+use crate::support::workspace;
+
+/// What a run of the program gave.
+pub struct Output {
+    pub stdout: String,
+    pub stderr: String,
+    pub code: i32,
+}
+
+/// Runs the program in the workspace with `input` on its standard input.
+pub fn run(arguments: &[&str], input: &str) -> Output {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_cobscope"))
+        .args(arguments)
+        .current_dir(workspace())
+        .env_remove("NO_COLOR")
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // The program may end before it has read everything.
+    let _ = child.stdin.take().unwrap().write_all(input.as_bytes());
+    let output = child.wait_with_output().unwrap();
+    Output {
+        stdout: String::from_utf8(output.stdout).unwrap(),
+        stderr: String::from_utf8(output.stderr).unwrap(),
+        code: output.status.code().unwrap_or(-1),
+    }
+}
+
+const BOOT: &str = "(1700000000.000000) can0 705#00\n";
+
+#[test]
+fn a_capture_on_standard_input_is_decoded() {
+    for arguments in [&[][..], &["-"], &["decode"], &["decode", "-"]] {
+        let output = run(arguments, BOOT);
+        assert!(output.stdout.contains("5/05") && output.stdout.contains("BOOT"), "{}", output.stdout);
+        assert_eq!(output.code, 0);
+    }
+}
+
+#[test]
+fn json_lines_hold_the_contract_s_keys() {
+    let output = run(&["decode", "-f", "jsonl"], BOOT);
+    let expected = concat!(
+        r#"{"t":1700000000.000000000,"bus":"can0","frames":[1,1],"kind":"boot-up","protocol":"canopen","#,
+        r#""node":5,"cause":"presumed-power-on"}"#
+    );
+    assert_eq!(output.stdout.lines().next().unwrap(), expected);
+    for line in output.stdout.lines() {
+        serde_json::from_str::<serde_json::Value>(line).unwrap();
+    }
+}
+
+#[test]
+fn a_capture_that_cannot_be_read_gives_3_and_the_others_are_done() {
+    let missing = run(&["no/such/file.log", "fixtures/canopen/emcy.log"], "");
+    assert_eq!(missing.code, 3);
+    assert!(missing.stderr.contains("no/such/file.log: cannot be opened"), "{}", missing.stderr);
+    assert!(missing.stdout.contains("== fixtures/canopen/emcy.log") && missing.stdout.contains("8130"));
+    let unknown = run(&["LICENSE"], "");
+    assert_eq!(unknown.code, 3);
+    assert!(unknown.stderr.contains("not a capture in a known format"), "{}", unknown.stderr);
+    let empty = run(&["-"], "");
+    assert_eq!(empty.code, 3);
+    assert!(empty.stderr.contains("empty"), "{}", empty.stderr);
+    let no_frame = run(&["-"], "(1700000000.000000) can0 123#80:00:12345678#AABB\n");
+    assert_eq!(no_frame.code, 3);
+    assert!(no_frame.stderr.contains("holds no frame"), "{}", no_frame.stderr);
+}
+
+#[test]
+fn a_wrong_argument_gives_2() {
+    assert_eq!(run(&["decode", "--no-such-option"], "").code, 2);
+    assert_eq!(run(&["decode", "-f", "xml"], "").code, 2);
+}
+
+#[test]
+fn bad_lines_alone_do_not_change_the_exit_code() {
+    let output = run(&["fixtures/dialects/bad_lines.log"], "");
+    assert_eq!(output.code, 0);
+    assert_eq!(output.stdout.matches("UNREAD").count(), 11, "{}", output.stdout);
+    assert!(output.stdout.contains("6 more, 16 in all"), "{}", output.stdout);
+}
+
+#[test]
+fn control_characters_of_a_capture_reach_no_terminal() {
+    let hostile = "(1700000000.000000) \u{1b}]0;evil\u{7} 705#00\n(1700000000.1) can1 705#00\n";
+    for arguments in
+        [&["decode"][..], &["decode", "-v"], &["decode", "--color", "never"], &["decode", "-f", "jsonl"]]
+    {
+        let output = run(arguments, hostile);
+        assert!(output.stdout.chars().all(|c| c == '\n' || !c.is_control()), "{:?}", output.stdout);
+    }
+}
+
+#[test]
+fn colours_only_when_asked_for_on_a_pipe() {
+    assert!(!run(&["decode"], BOOT).stdout.contains('\u{1b}'));
+    assert!(run(&["decode", "--color", "always"], BOOT).stdout.contains("\u{1b}["));
+}
+
+#[test]
+fn a_closed_pipe_is_no_failure() {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_cobscope"))
+        .args(["decode", "--pdo", "all", "--all", "fixtures/canopen/mid_run.log"])
+        .current_dir(workspace())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
+fn time_columns_as_candump_has_them() {
+    let two = "(1436509052.249713) can0 705#00\n(1436509052.449713) can0 705#00\n";
+    let column = |style: &str| {
+        let output = run(&["decode", "-t", style], two);
+        output.stdout.lines().nth(1).unwrap().trim_start().split("  ").next().unwrap().to_owned()
+    };
+    assert_eq!(column("a"), "1436509052.449713");
+    assert_eq!(column("d"), "0.200000");
+    assert_eq!(column("z"), "0.200");
+    assert_eq!(column("A"), "2015-07-10 06:17:32.449713");
+}
+
+#[test]
+fn completions_and_the_manual_page_are_made() {
+    assert!(run(&["completions", "bash"], "").stdout.contains("cobscope"));
+    assert!(run(&["man"], "").stdout.contains(".TH"));
+}
