@@ -222,6 +222,11 @@ fn process_data(pdo: &Pdo, fields: &mut dyn Fields) {
         return;
     }
     fields.field("data", FieldValue::Bytes(pdo.payload()));
+    signals(pdo, fields);
+}
+
+/// The values of a PDO whose layout is known: the last of its fields, behind `data`.
+pub(crate) fn signals(pdo: &Pdo, fields: &mut dyn Fields) {
     let Some(layout) = &pdo.layout else { return };
     fields.open_list("signals");
     for signal in layout.signals(pdo.payload()) {

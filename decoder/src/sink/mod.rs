@@ -1,5 +1,6 @@
 //! Events to bytes, one format a file.
 
+mod ascii;
 pub mod jsonl;
 pub mod text;
 

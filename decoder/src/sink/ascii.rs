@@ -1,0 +1,159 @@
+//! Numbers and data as ASCII, without the formatting machinery.
+//!
+//! Eight digits are made at a time in one register and appended whole; what is too much is cut off again.
+//! Appending a fixed number of bytes is a single store, a length known only at run time is a call.
+
+/// Repeated byte, as a register of eight.
+const fn each(byte: u8) -> u64 {
+    u64::from_le_bytes([byte; 8])
+}
+
+/// The eight decimal digits of a number below 100,000,000, as values; first digit lowest byte.
+#[inline]
+const fn decimal_digits(value: u64) -> u64 {
+    let halves = (value / 10_000) | ((value % 10_000) << 32);
+    // Divisions by multiplication, exact for values below 10,000 and below 100.
+    let hundreds = (halves * 5_243) >> 19 & 0x0000_007F_0000_007F;
+    let pairs = hundreds | (halves - hundreds * 100) << 16;
+    let tens = (pairs * 103) >> 10 & 0x000F_000F_000F_000F;
+    tens | (pairs - tens * 10) << 8
+}
+
+/// Appends the first `kept` of `bytes`.
+#[inline]
+pub(super) fn push_part<const N: usize>(out: &mut Vec<u8>, bytes: [u8; N], kept: usize) {
+    let end = out.len() + kept;
+    out.extend_from_slice(&bytes);
+    out.truncate(end);
+}
+
+/// Appends a number.
+#[inline]
+pub(super) fn push_decimal(out: &mut Vec<u8>, value: u64) {
+    const PART: u64 = 100_000_000;
+    if value < PART {
+        let digits = decimal_digits(value);
+        let leading = (digits.trailing_zeros() / 8).min(7);
+        let text = (digits | each(b'0')) >> (leading * 8);
+        push_part(out, text.to_le_bytes(), 8 - leading as usize);
+    } else {
+        push_decimal(out, value / PART);
+        out.extend_from_slice(&(decimal_digits(value % PART) | each(b'0')).to_le_bytes());
+    }
+}
+
+/// Appends a number with its sign.
+#[inline]
+pub(super) fn push_integer(out: &mut Vec<u8>, value: i64) {
+    if value < 0 {
+        out.push(b'-');
+    }
+    push_decimal(out, value.unsigned_abs());
+}
+
+/// Appends a number below 10^9 with nine digits.
+#[inline]
+pub(super) fn push_nine(out: &mut Vec<u8>, value: u64) {
+    out.extend_from_slice(&(decimal_digits(value / 10 % 100_000_000) | each(b'0')).to_le_bytes());
+    out.push(b'0' | (value % 10).to_le_bytes()[0]);
+}
+
+/// Appends nanoseconds as seconds, with nine digits.
+#[inline]
+pub(super) fn push_seconds(out: &mut Vec<u8>, nanoseconds: i64) {
+    if nanoseconds < 0 {
+        out.push(b'-');
+    }
+    let nanoseconds = nanoseconds.unsigned_abs();
+    push_decimal(out, nanoseconds / 1_000_000_000);
+    out.push(b'.');
+    push_nine(out, nanoseconds % 1_000_000_000);
+}
+
+/// The eight upper-case hex digits of the low four bytes, first byte lowest.
+#[inline]
+const fn hex_digits(bytes: u64) -> u64 {
+    let spread = bytes & 0xFFFF_FFFF;
+    let spread = (spread | spread << 16) & 0x0000_FFFF_0000_FFFF;
+    let spread = (spread | spread << 8) & 0x00FF_00FF_00FF_00FF;
+    let nibbles = (spread >> 4 | spread << 8) & each(0x0F);
+    let letters = (nibbles + each(6)) >> 4 & each(1);
+    nibbles + each(b'0') + letters * 7
+}
+
+/// Appends up to eight bytes as hex pairs; `kept` of them count.
+#[inline]
+pub(super) fn push_hex_word(out: &mut Vec<u8>, bytes: [u8; 8], kept: usize) {
+    let word = u64::from_le_bytes(bytes);
+    let text = u128::from(hex_digits(word)) | u128::from(hex_digits(word >> 32)) << 64;
+    push_part(out, text.to_le_bytes(), kept * 2);
+}
+
+/// Appends bytes as hex pairs.
+pub(super) fn push_hex(out: &mut Vec<u8>, bytes: &[u8]) {
+    let (words, rest) = bytes.as_chunks::<8>();
+    for word in words {
+        push_hex_word(out, *word, 8);
+    }
+    if !rest.is_empty() {
+        push_hex_word(out, padded(rest), rest.len());
+    }
+}
+
+/// Appends the low `digits` hex digits of a number, at most eight; more if it has more.
+#[inline]
+pub(super) fn push_code(out: &mut Vec<u8>, value: u32, digits: usize) {
+    let all = hex_digits(u64::from(value.swap_bytes()));
+    let needed = (8 - value.leading_zeros() as usize / 4).max(digits.clamp(1, 8));
+    push_part(out, (all >> ((8 - needed) * 8)).to_le_bytes(), needed);
+}
+
+/// Up to eight bytes, zeros behind them.
+#[inline]
+pub(super) fn padded(bytes: &[u8]) -> [u8; 8] {
+    let mut word = [0; 8];
+    for (target, byte) in word.iter_mut().zip(bytes) {
+        *target = *byte;
+    }
+    word
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn text(write: impl FnOnce(&mut Vec<u8>)) -> String {
+        let mut out = b"before ".to_vec();
+        write(&mut out);
+        String::from_utf8(out).unwrap().split_off(7)
+    }
+
+    #[test]
+    fn numbers_at_their_limits() {
+        for value in [0, 7, 10, 99_999_999, 100_000_000, 10_000_000_000_000_000, u64::MAX] {
+            assert_eq!(text(|out| push_decimal(out, value)), value.to_string());
+        }
+        assert_eq!(text(|out| push_integer(out, i64::MIN)), i64::MIN.to_string());
+        assert_eq!(text(|out| push_seconds(out, -1)), "-0.000000001");
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn everything_reads_as_the_standard_library_writes_it(
+            value: u64, shift in 0_u32..64, code: u32, digits in 1_usize..=8, bytes: Vec<u8>,
+        ) {
+            let value = value >> shift;
+            prop_assert_eq!(text(|out| push_decimal(out, value)), value.to_string());
+            let signed = value.cast_signed();
+            prop_assert_eq!(text(|out| push_integer(out, signed)), signed.to_string());
+            let seconds = crate::frame::Timestamp(signed).to_string();
+            prop_assert_eq!(text(|out| push_seconds(out, signed)), seconds);
+            prop_assert_eq!(text(|out| push_code(out, code, digits)), format!("{code:0digits$X}"));
+            let hex: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
+            prop_assert_eq!(text(|out| push_hex(out, &bytes)), hex.concat());
+        }
+    }
+}

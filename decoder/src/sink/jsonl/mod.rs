@@ -1,0 +1,78 @@
+//! JSON Lines: one object an event, keys as `docs/events.schema.json` describes them.
+
+mod object;
+mod prepared;
+
+use std::io::{self, Write};
+
+use crate::event::Event;
+use crate::query::record::visit;
+use crate::session::Bus;
+use object::{Marks, Object};
+use prepared::Prepared;
+
+/// Writes events as JSON Lines. The first write error is kept and ends all writing.
+pub struct Jsonl<W> {
+    output: W,
+    capture: Option<String>,
+    prepared: Prepared,
+    line: Vec<u8>,
+    error: Option<io::Error>,
+}
+
+impl<W: Write> Jsonl<W> {
+    /// Writes to `output`, which should be buffered.
+    pub fn new(output: W) -> Self {
+        Self {
+            output,
+            capture: None,
+            prepared: Prepared::default(),
+            line: Vec::with_capacity(1024),
+            error: None,
+        }
+    }
+
+    /// Names the capture in every following line.
+    pub fn set_capture(&mut self, capture: Option<String>) {
+        self.capture = capture;
+        self.prepared = Prepared::default();
+    }
+
+    /// Writes one event.
+    #[inline]
+    pub fn write(&mut self, event: &Event, bus: &Bus) {
+        if self.error.is_some() {
+            return;
+        }
+        self.line.clear();
+        if !self.prepared.write(event, bus, &mut self.line) {
+            self.line.clear();
+            let marks = write_line(event, bus, self.capture.as_deref(), &mut self.line);
+            self.prepared.learn(event, bus, &self.line, marks);
+        }
+        self.error = self.output.write_all(&self.line).err();
+    }
+
+    /// Flushes; gives the first error of all writing.
+    ///
+    /// # Errors
+    /// When anything could not be written.
+    pub fn finish(&mut self) -> io::Result<()> {
+        match self.error.take() {
+            Some(error) => Err(error),
+            None => self.output.flush(),
+        }
+    }
+
+    /// Whether writing failed, so that more work is in vain.
+    pub fn has_failed(&self) -> bool {
+        self.error.is_some()
+    }
+}
+
+/// Appends the line of any event; says where its parts begin.
+fn write_line(event: &Event, bus: &Bus, capture: Option<&str>, line: &mut Vec<u8>) -> Marks {
+    let mut object = Object::begin(line);
+    visit(event, bus, capture, &mut object);
+    object.end()
+}
