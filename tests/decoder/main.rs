@@ -5,6 +5,7 @@
 mod corpus;
 mod dialects;
 mod expected;
+mod formats_candump;
 mod formats_pcap;
 mod formats_text;
 mod replay;
