@@ -21,6 +21,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
     }
     decoder.finish(reader.buses(), &mut see);
-    assert_eq!(kinds[..2], ["boot-up", "nmt-state"]);
+    assert!(kinds.starts_with(&["boot-up", "nmt-state"]));
     Ok(())
 }

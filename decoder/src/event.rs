@@ -184,7 +184,29 @@ pub enum BootCause {
         frame: u64,
     },
     /// No reset was commanded: power-on or a restart of its own.
-    PresumedPowerOn,
+    PresumedPowerOn {
+        /// What makes a power-on likelier than a restart of this node alone.
+        sign: Option<PowerSign>,
+    },
+}
+
+/// What speaks for a power-on of the machine. A trace never shows one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PowerSign {
+    /// Another node booted uncommanded just before.
+    OtherNodesToo,
+    /// The bus had been silent until just before.
+    BusWasSilent,
+}
+
+impl PowerSign {
+    /// The name used in all output.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::OtherNodesToo => "other-nodes-too",
+            Self::BusWasSilent => "bus-was-silent",
+        }
+    }
 }
 
 /// A node's silence.

@@ -168,7 +168,12 @@ fn boot_up(cause: BootCause, fields: &mut dyn Fields) {
             fields.field("cause", FieldValue::Text("commanded"));
             fields.field("cause_frame", FieldValue::Unsigned(frame));
         }
-        BootCause::PresumedPowerOn => fields.field("cause", FieldValue::Text("presumed-power-on")),
+        BootCause::PresumedPowerOn { sign } => {
+            fields.field("cause", FieldValue::Text("presumed-power-on"));
+            if let Some(sign) = sign {
+                fields.field("sign", FieldValue::Text(sign.name()));
+            }
+        }
     }
 }
 

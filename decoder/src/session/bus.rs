@@ -32,6 +32,10 @@ pub struct Bus {
     pub(super) sync: SyncState,
     pub(super) lss: LssState,
     said: Said,
+    /// Last boot-up that nobody commanded: monotonic time and node-ID.
+    pub(super) last_boot: Option<(i64, u8)>,
+    /// Monotonic time at which the last silence of the bus ended.
+    pub(super) silent_until: Option<i64>,
     /// Frames left undecoded, and those of 29 bits among them.
     undecoded: (u64, u64),
     /// Last frame seen and its stamp.
@@ -65,6 +69,8 @@ impl Bus {
             sync: SyncState::default(),
             lss: LssState::default(),
             said: Said::default(),
+            last_boot: None,
+            silent_until: None,
             undecoded: (0, 0),
             last_frame: 0,
             last_time: None,
@@ -124,17 +130,31 @@ impl Bus {
         self.nodes.get_mut(place)
     }
 
-    /// Gives a node another node-ID; the node that had it loses it.
+    /// Gives a node another node-ID; the node that had it loses it. What was learnt of its identifiers
+    /// stays with it, the defaults follow the node-ID.
     pub(super) fn move_node(&mut self, from: u8, to: u8) {
-        let place = self.node_by_id.get(usize::from(from)).copied().unwrap_or(0);
-        if let Some(node) = usize::from(place).checked_sub(1).and_then(|place| self.nodes.get_mut(place)) {
-            node.id = to;
+        let place = |bus: &Self, id: u8| bus.node_by_id.get(usize::from(id)).copied().unwrap_or(0);
+        let (moved, replaced) = (place(self, from), place(self, to));
+        for (place, id) in [(moved, to), (replaced, from)] {
+            if let Some(node) = usize::from(place).checked_sub(1).and_then(|place| self.nodes.get_mut(place))
+            {
+                node.id = id;
+            }
+            if let Some(slot) = self.node_by_id.get_mut(usize::from(id)) {
+                *slot = place;
+            }
         }
-        if let Some(slot) = self.node_by_id.get_mut(usize::from(from)) {
-            *slot = 0;
+        // The place of the node that was replaced is empty now, under the node-ID that became free.
+        if let Some(node) = usize::from(replaced).checked_sub(1).and_then(|place| self.nodes.get_mut(place)) {
+            *node = Node::new(from, None);
         }
-        if let Some(slot) = self.node_by_id.get_mut(usize::from(to)) {
-            *slot = place;
+        for (id, service) in self.routes.learnt() {
+            let moved = match service {
+                Service::Pdo(name, node) if node == from => Service::Pdo(name, to),
+                Service::Emcy(node) if node == from => Service::Emcy(to),
+                _ => continue,
+            };
+            self.routes.learn(id, moved);
         }
     }
 
@@ -238,6 +258,7 @@ impl Bus {
             let fell_silent = self.clock.now().saturating_sub(gap).saturating_add(limit);
             self.expire(fell_silent, out);
             out.event(&event, self);
+            self.silent_until = Some(self.clock.now());
             self.postpone(gap);
         }
     }

@@ -1,6 +1,6 @@
 //! Heartbeat, boot-up, node guarding: who is alive.
 
-use crate::event::{BootCause, EventKind, Silence, StateCause};
+use crate::event::{BootCause, EventKind, PowerSign, Silence, StateCause};
 use crate::frame::{Frame, FrameFlags};
 use crate::session::timers::Subject;
 use crate::session::{Bus, Observer};
@@ -9,6 +9,9 @@ use crate::wire::canopen::{NmtState, ObjectAddress};
 
 /// A heartbeat is missed after this many intervals.
 const LOST_AFTER: i64 = 2;
+
+/// Nodes of one machine boot within this time of each other, in nanoseconds.
+const TOGETHER: i64 = 2_000_000_000;
 
 /// Guarding requests without reply after which a node counts as lost, where its life time factor (100D)
 /// is unknown.
@@ -57,11 +60,13 @@ impl Bus {
     }
 
     fn on_boot_up(&mut self, id: u8, frame: &Frame, out: &mut dyn Observer) {
+        self.take_node_id(id, frame, out);
         self.heard(id, frame, out);
+        let sign = self.power_sign(id);
         let Some(node) = self.node_mut(id) else { return };
         let cause = match node.reset_frame.take() {
             Some(reset) => BootCause::Commanded { frame: reset },
-            None => BootCause::PresumedPowerOn,
+            None => BootCause::PresumedPowerOn { sign },
         };
         node.boots = node.boots.saturating_add(1);
         node.just_booted = true;
@@ -73,8 +78,23 @@ impl Bus {
         node.heartbeat.intervals = [0; 4];
         node.heartbeat.deadline = None;
         self.emit(frame, id, false, EventKind::BootUp { cause }, out);
+        if matches!(cause, BootCause::PresumedPowerOn { .. }) {
+            self.last_boot = Some((self.clock.now(), id));
+        }
         self.forget_unsaved(id);
         self.confirm_state(id, NmtState::PreOperational, StateCause::BootUp, frame, out);
+    }
+
+    /// What makes a power-on of the machine likelier than a restart of this node alone.
+    fn power_sign(&self, id: u8) -> Option<PowerSign> {
+        if !self.clock.runs() {
+            return None;
+        }
+        let is_recent = |time: i64| self.clock.now().saturating_sub(time) < TOGETHER;
+        if self.last_boot.is_some_and(|(time, node)| node != id && is_recent(time)) {
+            return Some(PowerSign::OtherNodesToo);
+        }
+        self.silent_until.filter(|time| is_recent(*time)).map(|_| PowerSign::BusWasSilent)
     }
 
     fn on_guard_request(&mut self, id: u8, frame: &Frame, out: &mut dyn Observer) {

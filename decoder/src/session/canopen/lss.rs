@@ -10,8 +10,8 @@ use crate::wire::canopen::lss::{self, Content};
 pub(in crate::session) struct LssState {
     /// Node-ID asked for, until the slave accepts it.
     requested: Option<u8>,
-    /// Node-ID accepted; in force when the slave leaves the configuration state or resets.
-    accepted: Option<u8>,
+    /// Node-ID accepted, and the one before if it was inquired: in force from the next boot-up on.
+    accepted: Option<(Option<u8>, u8)>,
     /// Node-ID the slave answered to an inquiry: its present one.
     present: Option<u8>,
     /// A fast scan runs; its steps repeat.
@@ -41,7 +41,7 @@ impl Bus {
         };
         let kind = EventKind::Lss { command: message.command, from_master, content: message.content };
         self.emit(frame, 0, routine, kind, out);
-        self.follow_node_id(message, from_master, frame, out);
+        self.follow_node_id(message, from_master);
     }
 
     /// An answer that fits the question is evidence of CANopen. Cars use these identifiers for UDS, whose
@@ -62,35 +62,26 @@ impl Bus {
         }
     }
 
-    /// A node-ID that was accepted is in force when the slave returns to the waiting state
-    /// (CiA 305 §3.9.1: from there it boots with it).
-    fn follow_node_id(
-        &mut self,
-        message: lss::Lss,
-        from_master: bool,
-        frame: &Frame,
-        out: &mut dyn Observer,
-    ) {
+    /// Remembers a node-ID that is inquired, asked for, accepted.
+    fn follow_node_id(&mut self, message: lss::Lss, from_master: bool) {
         match (message.content, from_master) {
             (Content::NodeId(id), true) => self.lss.requested = Some(id),
             (Content::NodeId(id), false) => self.lss.present = Some(id),
             (Content::Result { code: 0, .. }, false) if message.command == 0x11 => {
-                self.lss.accepted = self.lss.requested.take();
-            }
-            (Content::Mode(0), true) => {
                 let from = self.lss.present.take().filter(|id| *id != UNCONFIGURED);
-                if let Some(to) = self.lss.accepted.take().filter(|to| (1..=127).contains(to)) {
-                    self.change_node_id(from.filter(|from| *from != to), to, frame, out);
-                }
+                let to = self.lss.requested.take().filter(|to| (1..=127).contains(to));
+                self.lss.accepted = to.filter(|to| from != Some(*to)).map(|to| (from, to));
             }
             _ => {}
         }
     }
 
-    fn change_node_id(&mut self, from: Option<u8>, to: u8, frame: &Frame, out: &mut dyn Observer) {
-        self.emit(frame, to, false, EventKind::NodeIdChange { from, to, by: "lss" }, out);
-        if let Some(from) = from.filter(|from| (1..=127).contains(from)) {
+    /// A node boots: if LSS gave it this node-ID, it is in force now (CiA 305 §3.9.1).
+    pub(super) fn take_node_id(&mut self, id: u8, frame: &Frame, out: &mut dyn Observer) {
+        let Some((from, to)) = self.lss.accepted.take_if(|(_, to)| *to == id) else { return };
+        if let Some(from) = from {
             self.move_node(from, to);
         }
+        self.emit(frame, to, false, EventKind::NodeIdChange { from, to, by: "lss" }, out);
     }
 }

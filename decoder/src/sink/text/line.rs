@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::Tone;
 use crate::event::{
     BootCause, Certainty, Direction, EmcyAction, Emergency, Event, EventKind, FrameRange, Mode, Outcome, Pdo,
-    SdoTransfer, Silence, StateCause, StateChange, Undecoded,
+    PowerSign, SdoTransfer, Silence, StateCause, StateChange, Undecoded,
 };
 use crate::frame::FrameFlags;
 use crate::profile::{self, DataType, Value};
@@ -46,11 +46,9 @@ pub(super) fn words(event: &Event, bus: &Bus) -> Words {
             Words { who: format!("master→{to_whom}"), kind: "NMT", what, tone: Tone::Plain }
         }
         EventKind::NmtState(change) => words("STATE", state(change), Tone::Plain),
-        EventKind::BootUp { cause: BootCause::Commanded { frame } } => {
-            words("BOOT", format!("boot-up, reset was commanded {{{frame}}}"), Tone::Good)
-        }
-        EventKind::BootUp { cause: BootCause::PresumedPowerOn } => {
-            words("BOOT", "boot-up, no NMT reset before → power-on or self-reset".into(), Tone::Caution)
+        EventKind::BootUp { cause } => {
+            let expected = matches!(cause, BootCause::Commanded { .. });
+            words("BOOT", boot_up(*cause), if expected { Tone::Good } else { Tone::Caution })
         }
         EventKind::Heartbeat { state: Some(state), .. } => words("HB", state.name().into(), Tone::Quiet),
         EventKind::Heartbeat { state: None, code } => {
@@ -82,7 +80,7 @@ pub(super) fn words(event: &Event, bus: &Bus) -> Words {
         }
         EventKind::NodeIdChange { from, to, by } => {
             let from = from.map_or_else(String::new, |from| format!("{from} → "));
-            words("ID", format!("node-ID {from}{to} by {by}, from its next boot-up on"), Tone::Caution)
+            words("ID", format!("node-ID {from}{to} in force, set by {by}"), Tone::Caution)
         }
         EventKind::ObjectChange(change) => {
             let from = change.from.as_deref().map_or("?".into(), bytes);
@@ -178,6 +176,19 @@ pub(super) fn frames(frames: FrameRange) -> String {
         FrameRange { first, last } if first == last => format!(" {{{first}}}"),
         FrameRange { first, last } => format!(" {{{first}-{last}}}"),
     }
+}
+
+fn boot_up(cause: BootCause) -> String {
+    let sign = match cause {
+        BootCause::Commanded { frame } => return format!("boot-up, reset was commanded {{{frame}}}"),
+        BootCause::PresumedPowerOn { sign } => sign,
+    };
+    let why = match sign {
+        None => "power-on or self-reset",
+        Some(PowerSign::OtherNodesToo) => "power-on, other nodes booted too",
+        Some(PowerSign::BusWasSilent) => "power-on, the bus was silent before",
+    };
+    format!("boot-up, no NMT reset before → {why}")
 }
 
 fn state(change: &StateChange) -> String {
