@@ -117,7 +117,8 @@ fn every_fixture_is_described() {
         for entry in fs::read_dir(workspace().join("fixtures").join(folder)).unwrap() {
             let name = entry.unwrap().file_name().to_string_lossy().into_owned();
             let stem = name.split('.').next().unwrap().to_owned();
-            let is_capture = name.ends_with(".log") || (folder == "dialects" && name.ends_with(".txt"));
+            let suffix = name.rsplit('.').next().unwrap();
+            let is_capture = suffix == "log" || (folder == "dialects" && suffix == "txt");
             if is_capture && !readme.contains(&format!("`{name}`")) && !readme.contains(&format!("`{stem}`"))
             {
                 missing.push(name);
