@@ -45,7 +45,7 @@ pub struct InputArgs {
     #[arg(long, value_name = "PROTOCOL", default_value = "auto")]
     pub protocol: Protocol,
     /// Seconds without a further frame after which an SDO transfer counts as unanswered
-    #[arg(long, value_name = "SECONDS", default_value = "1")]
+    #[arg(long, value_name = "SECONDS", default_value = "1", value_parser = positive_seconds)]
     pub sdo_timeout: f64,
 }
 
@@ -150,6 +150,14 @@ pub enum Color {
     Always,
     /// Never
     Never,
+}
+
+/// A number of seconds above 0.
+fn positive_seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if seconds > 0.0 && seconds.is_finite() => Ok(seconds),
+        _ => Err("expected a number of seconds above 0".into()),
+    }
 }
 
 /// Puts `decode` before arguments that begin with a capture or an option of it.

@@ -465,7 +465,11 @@ pub fn can_error_text(error: ErrorFrame) -> String {
         } else {
             String::new()
         };
-        let details = if details.is_empty() { class.to_owned() } else { details.join(", ") };
+        let details = if details.is_empty() {
+            names.classes.texts(error.classes & class_bit(class)).collect::<String>()
+        } else {
+            details.join(", ")
+        };
         parts.push(format!("{details}{at}"));
     }
     if parts.is_empty() { format!("unknown error class {:08X}", error.classes) } else { parts.join("; ") }

@@ -10,6 +10,12 @@ use super::ProtocolChoice;
 /// Frames on PDO and EMCY identifiers that need some evidence beside them.
 const UNSUPPORTED_LIMIT: u32 = 1_000;
 
+/// The same for a slow bus: so many frames in so many nanoseconds, several heartbeats long.
+const UNSUPPORTED_SLOW: (u32, i64) = (50, 5_000_000_000);
+
+/// This many SYNCs keep a bus without any other sign from being doubted: PDOs on SYNC and nothing else.
+const ENOUGH_SYNCS: u32 = 10;
+
 /// Node-IDs on PDO and EMCY identifiers that need some evidence beside them: a network of so many nodes
 /// shows a heartbeat sooner than all their PDOs; a car uses identifiers of all kinds.
 const UNSUPPORTED_NODES: u32 = 20;
@@ -37,6 +43,10 @@ pub(super) struct Belief {
     contradictions: u32,
     unsupported: u32,
     unsupported_nodes: u128,
+    /// Monotonic time of the first of them, and of the last.
+    unsupported_since: Option<i64>,
+    unsupported_until: i64,
+    syncs: u32,
     /// Node and multiplexer of the last SDO request seen.
     request: Option<(u8, [u8; 3])>,
 }
@@ -55,6 +65,9 @@ impl Belief {
             contradictions: 0,
             unsupported: 0,
             unsupported_nodes: 0,
+            unsupported_since: None,
+            unsupported_until: 0,
+            syncs: 0,
             request: None,
         }
     }
@@ -75,16 +88,23 @@ impl Belief {
         self.judge();
     }
 
+    /// A SYNC, empty or with a counter: no evidence, but a reason not to doubt.
+    pub(super) fn saw_sync(&mut self) {
+        self.syncs = self.syncs.saturating_add(1);
+    }
+
     /// Something CANopen never does.
     pub(super) fn contradict(&mut self) {
         self.contradictions = self.contradictions.saturating_add(1);
         self.judge();
     }
 
-    /// A frame on a PDO or EMCY identifier of a node-ID: no evidence by itself.
-    pub(super) fn saw_unsupported(&mut self, node: u8) {
+    /// A frame on a PDO, EMCY or SDO identifier of a node-ID at monotonic time `now`: no evidence by itself.
+    pub(super) fn saw_unsupported(&mut self, node: u8, now: i64) {
         if self.standing == Standing::Presumed {
             self.unsupported += 1;
+            self.unsupported_since.get_or_insert(now);
+            self.unsupported_until = now;
             self.unsupported_nodes |= 1 << (node & 0x7F);
             if self.is_unsupported() {
                 self.judge();
@@ -93,7 +113,12 @@ impl Belief {
     }
 
     fn is_unsupported(&self) -> bool {
-        self.unsupported >= UNSUPPORTED_LIMIT || self.unsupported_nodes.count_ones() >= UNSUPPORTED_NODES
+        let elapsed = self.unsupported_until.saturating_sub(self.unsupported_since.unwrap_or(i64::MAX));
+        let (few, long) = UNSUPPORTED_SLOW;
+        let many = self.unsupported >= UNSUPPORTED_LIMIT
+            || self.unsupported_nodes.count_ones() >= UNSUPPORTED_NODES
+            || (self.unsupported >= few && elapsed >= long);
+        many && self.syncs < ENOUGH_SYNCS
     }
 
     /// An SDO request, to be matched with its response.
@@ -173,7 +198,7 @@ mod tests {
     #[test]
     fn pdo_identifiers_alone_are_doubted_until_evidence_comes() {
         let mut belief = Belief::new(ProtocolChoice::Auto);
-        (0..UNSUPPORTED_LIMIT).for_each(|_| belief.saw_unsupported(5));
+        (0..UNSUPPORTED_LIMIT).for_each(|_| belief.saw_unsupported(5, 0));
         assert_eq!(belief.standing(), Standing::Doubted);
         belief.saw_request(5, &[0x40, 0x18, 0x10, 1, 0, 0, 0, 0]);
         belief.saw_response(5, &[0x43, 0x18, 0x10, 1, 1, 2, 3, 4]);
@@ -183,10 +208,20 @@ mod tests {
     #[test]
     fn many_nodes_without_evidence_are_doubted_soon() {
         let mut belief = Belief::new(ProtocolChoice::Auto);
-        (1..20).for_each(|node| belief.saw_unsupported(node));
+        (1..20).for_each(|node| belief.saw_unsupported(node, 0));
         assert_eq!(belief.standing(), Standing::Presumed);
-        belief.saw_unsupported(20);
+        belief.saw_unsupported(20, 0);
         assert_eq!(belief.standing(), Standing::Doubted);
+    }
+
+    #[test]
+    fn a_slow_bus_is_doubted_after_several_heartbeats_unless_it_has_a_sync() {
+        for (syncs, standing) in [(0, Standing::Doubted), (10, Standing::Presumed)] {
+            let mut belief = Belief::new(ProtocolChoice::Auto);
+            (0..syncs).for_each(|_| belief.saw_sync());
+            (0..=50).for_each(|count| belief.saw_unsupported(5, count * 100_000_000));
+            assert_eq!(belief.standing(), standing);
+        }
     }
 
     #[test]

@@ -186,6 +186,10 @@ impl Bus {
 
     /// The services that are not a PDO.
     fn on_service(&mut self, service: Service, frame: &Frame, out: &mut dyn Observer) {
+        // Only PDOs and error control are asked for by remote frames (CiA 301 §7.2.2, §7.2.8.3.2.1).
+        if frame.flags.contains(FrameFlags::REMOTE) && !matches!(service, Service::ErrorControl(_)) {
+            return self.undecoded(frame, None, out);
+        }
         match service {
             Service::Sync => self.on_sync(frame, out),
             Service::ErrorControl(node) => self.on_error_control(node, frame, out),

@@ -1,7 +1,7 @@
 //! EMCY: errors that come and go.
 
 use crate::event::{EmcyAction, Emergency, EventKind, StateCause};
-use crate::frame::{Frame, FrameFlags};
+use crate::frame::Frame;
 use crate::session::{Bus, Observer};
 use crate::wire::canopen::NmtState;
 use crate::wire::canopen::emcy::{self, ByteOrder, Emcy};
@@ -11,12 +11,9 @@ const LIFE_GUARD_ERROR: u16 = 0x8130;
 
 impl Bus {
     pub(in crate::session) fn on_emcy(&mut self, id: u8, frame: &Frame, out: &mut dyn Observer) {
-        self.belief.saw_unsupported(id);
+        self.belief.saw_unsupported(id, self.clock.now());
         if !self.is_decoded(frame, out) {
             return;
-        }
-        if frame.flags.contains(FrameFlags::REMOTE) {
-            return self.undecoded(frame, Some("emcy remote request"), out);
         }
         let byte_order = ByteOrder::LsbFirst;
         let message = match emcy::parse(frame.data(), byte_order) {

@@ -23,7 +23,7 @@ impl Bus {
     ) {
         let believed = self.belief.is_believed();
         if !believed {
-            self.belief.saw_unsupported(id);
+            self.belief.saw_unsupported(id, self.clock.now());
             if !self.is_decoded(frame, out) {
                 return;
             }

@@ -40,6 +40,11 @@ impl SyncState {
 
 impl Bus {
     pub(in crate::session) fn on_sync(&mut self, frame: &Frame, out: &mut dyn Observer) {
+        if frame.length <= 1 {
+            self.belief.saw_sync();
+        } else {
+            self.belief.contradict();
+        }
         if !self.is_decoded(frame, out) {
             return;
         }

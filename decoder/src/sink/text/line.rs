@@ -113,8 +113,8 @@ fn bus_words(event: &Event, words: impl Fn(&'static str, String, Tone) -> Words)
         EventKind::Frame(undecoded) => words("FRAME", frame(undecoded), Tone::Quiet),
         EventKind::Malformed { error, reason } => {
             let what = format!(
-                "{reason}: {} at byte {}, {} of {} bytes there",
-                error.layer, error.offset, error.available, error.needed
+                "{reason}: {} of {} bytes there from byte {}",
+                error.available, error.needed, error.offset
             );
             let what = if error.needed == 0 { (*reason).to_owned() } else { what };
             words("BAD", what, Tone::Caution)

@@ -13,7 +13,7 @@ use transfer::Transfer;
 
 use super::super::store::OriginKind;
 use crate::event::{Direction, EventKind, Outcome, SdoTransfer};
-use crate::frame::{Frame, FrameFlags};
+use crate::frame::Frame;
 use crate::session::timers::Subject;
 use crate::session::{Bus, Observer};
 use crate::wire::Malformed;
@@ -35,9 +35,6 @@ impl Bus {
         if !self.is_followed(frame, out) {
             return;
         }
-        if frame.flags.contains(FrameFlags::REMOTE) {
-            return self.undecoded(frame, Some("sdo remote request"), out);
-        }
         let now = self.clock.now();
         if side == Side::Server {
             self.heard(server, frame, out);
@@ -54,7 +51,7 @@ impl Bus {
         }
         let command = frame.data().first().copied().unwrap_or(0);
         if !self.belief.is_believed() {
-            self.belief.saw_unsupported(server);
+            self.belief.saw_unsupported(server, now);
             // Without a sign of CANopen a message without beginning is followed, but not taken for SDO
             // before the other side joins in.
             if !message.begins() && !self.channels.is_answered(channel) {
