@@ -58,6 +58,14 @@ pub(super) fn push_nine(out: &mut Vec<u8>, value: u64) {
     out.push(b'0' | (value % 10).to_le_bytes()[0]);
 }
 
+/// Appends the last `digits` of a number below 100,000,000, at most eight.
+#[inline]
+pub(super) fn push_digits(out: &mut Vec<u8>, value: u64, digits: usize) {
+    let digits = digits.clamp(1, 8);
+    let text = (decimal_digits(value % 100_000_000) | each(b'0')) >> ((8 - digits) * 8);
+    push_part(out, text.to_le_bytes(), digits);
+}
+
 /// Appends nanoseconds as seconds, with nine digits.
 #[inline]
 pub(super) fn push_seconds(out: &mut Vec<u8>, nanoseconds: i64) {
@@ -98,6 +106,32 @@ pub(super) fn push_hex(out: &mut Vec<u8>, bytes: &[u8]) {
     if !rest.is_empty() {
         push_hex_word(out, padded(rest), rest.len());
     }
+}
+
+/// Appends bytes as hex pairs with blanks between them.
+#[inline]
+pub(super) fn push_spaced_hex(out: &mut Vec<u8>, bytes: &[u8]) {
+    for chunk in bytes.chunks(8) {
+        let word = u64::from_le_bytes(padded(chunk));
+        let mut text = [b' '; 24];
+        let digits = [hex_digits(word).to_le_bytes(), hex_digits(word >> 32).to_le_bytes()];
+        let pairs = digits.as_flattened().as_chunks::<2>().0;
+        for (target, pair) in text.as_chunks_mut::<3>().0.iter_mut().zip(pairs) {
+            let [high, low, _] = target;
+            [*high, *low] = *pair;
+        }
+        push_part(out, text, chunk.len() * 3);
+    }
+    if !bytes.is_empty() {
+        out.truncate(out.len().saturating_sub(1));
+    }
+}
+
+/// Appends `width` blanks less what is there already.
+#[inline]
+pub(super) fn push_blanks(out: &mut Vec<u8>, width: usize, there: usize) {
+    const MOST: usize = 32;
+    push_part(out, [b' '; MOST], width.saturating_sub(there).min(MOST));
 }
 
 /// Appends the low `digits` hex digits of a number, at most eight; more if it has more.
@@ -154,6 +188,9 @@ mod tests {
             prop_assert_eq!(text(|out| push_code(out, code, digits)), format!("{code:0digits$X}"));
             let hex: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
             prop_assert_eq!(text(|out| push_hex(out, &bytes)), hex.concat());
+            prop_assert_eq!(text(|out| push_spaced_hex(out, &bytes)), hex.join(" "));
+            let last = value % 10_u64.pow(u32::try_from(digits).unwrap());
+            prop_assert_eq!(text(|out| push_digits(out, last, digits)), format!("{last:0digits$}"));
         }
     }
 }

@@ -9,13 +9,15 @@ use crate::sink::escape;
 /// What the line above says already.
 const ABOVE: &[&str] = &["t", "bus", "frames", "kind", "protocol", "node", "node_name", "presumed"];
 
-/// Appends the details of an event.
-pub(super) fn write(event: &Event, bus: &Bus, text: &mut String) {
-    let mut lines = Lines { text, path: Vec::new() };
+/// The details of an event, a line each.
+pub(super) fn lines(event: &Event, bus: &Bus) -> String {
+    let mut text = String::new();
+    let mut lines = Lines { text: &mut text, path: Vec::new() };
     visit(event, bus, None, &mut lines);
     if let Some(hint) = hints(event) {
         lines.line("hint", hint);
     }
+    text
 }
 
 /// What usually stands behind an error.

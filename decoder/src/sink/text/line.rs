@@ -2,35 +2,63 @@
 
 use std::fmt::Write as _;
 
-use super::Tone;
+use super::{Tone, pdo};
 use crate::event::{
-    BootCause, Certainty, Direction, EmcyAction, Emergency, Event, EventKind, FrameRange, Mode, Outcome, Pdo,
+    BootCause, Certainty, Direction, EmcyAction, Emergency, Event, EventKind, FrameRange, Mode, Outcome,
     PowerSign, SdoTransfer, Silence, StateCause, StateChange, Undecoded,
 };
 use crate::frame::FrameFlags;
 use crate::profile::{self, DataType, Value};
 use crate::query::record::{can_error_text, time_of_day};
 use crate::session::Bus;
+use crate::sink::ascii::push_decimal;
 use crate::wire::canopen::lss::Content;
 use crate::wire::canopen::nmt::NmtService;
 
-/// The columns of a line behind the time.
-pub(super) struct Words {
+/// The columns of a line behind the time, as UTF-8, control characters not yet escaped.
+#[derive(Default)]
+pub(super) struct Columns {
     /// Node, or sender → receiver.
-    pub(super) who: String,
+    pub(super) who: Vec<u8>,
     /// Kind in at most six letters.
     pub(super) kind: &'static str,
     /// What happened.
-    pub(super) what: String,
+    pub(super) what: Vec<u8>,
     /// How it looks.
     pub(super) tone: Tone,
 }
 
-/// Bytes of data shown in a line.
-const SHOWN_BYTES: usize = 16;
+impl Columns {
+    /// Replaces all of them by those of an event.
+    pub(super) fn fill(&mut self, event: &Event, bus: &Bus) {
+        self.who.clear();
+        self.what.clear();
+        if let EventKind::Pdo(pdo) = &event.kind {
+            (self.kind, self.tone) = ("PDO", Tone::Plain);
+            if let Some(node) = event.node {
+                pdo::push_node(node, bus, &mut self.who);
+            }
+            return pdo::push_words(pdo, &mut self.what);
+        }
+        let words = words(event, bus);
+        (self.kind, self.tone) = (words.kind, words.tone);
+        self.who.extend_from_slice(words.who.as_bytes());
+        self.what.extend_from_slice(words.what.as_bytes());
+    }
+}
 
-/// The words of an event.
-pub(super) fn words(event: &Event, bus: &Bus) -> Words {
+/// The columns of an event that is no PDO.
+struct Words {
+    who: String,
+    kind: &'static str,
+    what: String,
+    tone: Tone,
+}
+
+/// Bytes of data shown in a line.
+pub(super) const SHOWN_BYTES: usize = 16;
+
+fn words(event: &Event, bus: &Bus) -> Words {
     let who = event.node.map_or(String::new(), |node| node_label(node, bus));
     let words = |kind, what: String, tone| Words { who: who.clone(), kind, what, tone };
     match &event.kind {
@@ -72,7 +100,6 @@ pub(super) fn words(event: &Event, bus: &Bus) -> Words {
             words("BACK", format!("heard again after {} s", seconds(silence.gap)), Tone::Good)
         }
         EventKind::Emcy(emergency) => emcy(emergency, words),
-        EventKind::Pdo(pdo) => words("PDO", process_data(pdo), Tone::Plain),
         EventKind::SdoTransfer(transfer) => sdo(transfer, event, bus),
         EventKind::Lss { command, from_master, content } => {
             let who = if *from_master { "LSS master" } else { "LSS slave" };
@@ -169,13 +196,18 @@ fn node_short(node: u8, bus: &Bus) -> String {
     format!("{node}{}{}", if name.is_some() { " " } else { "" }, name.unwrap_or(""))
 }
 
-/// ` {118}`, ` {118-121}`.
-pub(super) fn frames(frames: FrameRange) -> String {
-    match frames {
-        FrameRange { last: 0, .. } => String::new(),
-        FrameRange { first, last } if first == last => format!(" {{{first}}}"),
-        FrameRange { first, last } => format!(" {{{first}-{last}}}"),
+/// Appends ` {118}`, ` {118-121}`.
+pub(super) fn push_frames(frames: FrameRange, out: &mut Vec<u8>) {
+    if frames.last == 0 {
+        return;
     }
+    out.extend_from_slice(b" {");
+    push_decimal(out, frames.first);
+    if frames.first != frames.last {
+        out.push(b'-');
+        push_decimal(out, frames.last);
+    }
+    out.push(b'}');
 }
 
 fn boot_up(cause: BootCause) -> String {
@@ -267,23 +299,6 @@ fn register_words(register: u8) -> String {
     } else {
         format!("{register:02X} ({})", names.join(", "))
     }
-}
-
-fn process_data(pdo: &Pdo) -> String {
-    if pdo.is_request {
-        return format!("{} requested by remote frame", pdo.name);
-    }
-    let mut what = format!("{} {}", pdo.name, bytes(pdo.payload()));
-    let Some(layout) = &pdo.layout else { return what };
-    let mark = if layout.assumed { "?" } else { "" };
-    for signal in layout.signals(pdo.payload()) {
-        let separator = if what.contains('=') { "," } else { ":" };
-        let _ = write!(what, "{separator} {}={}{mark}", signal.field.object, signal.value);
-    }
-    if usize::from(layout.bits.div_ceil(8)) > pdo.payload().len() {
-        let _ = write!(what, " (mapping needs {} bytes)", layout.bits.div_ceil(8));
-    }
-    what
 }
 
 fn sdo(transfer: &SdoTransfer, event: &Event, bus: &Bus) -> Words {

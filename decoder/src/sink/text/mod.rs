@@ -9,6 +9,7 @@
 
 mod detail;
 mod line;
+mod pdo;
 mod time;
 
 use std::io::{self, Write};
@@ -17,6 +18,7 @@ pub use time::TimeColumn;
 
 use crate::event::{Event, EventKind};
 use crate::session::Bus;
+use crate::sink::ascii::push_blanks;
 
 /// Which PDOs are printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -52,13 +54,15 @@ pub struct Text<W> {
     output: W,
     options: TextOptions,
     clock: time::Clock,
-    line: String,
+    columns: line::Columns,
+    line: Vec<u8>,
     error: Option<io::Error>,
 }
 
 /// How serious a line looks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Tone {
+    #[default]
     Plain,
     Quiet,
     Good,
@@ -82,38 +86,57 @@ impl<W: Write> Text<W> {
     /// Writes to `output`, which should be buffered.
     pub fn new(output: W, options: TextOptions) -> Self {
         let clock = time::Clock::new(options.time);
-        Self { output, options, clock, line: String::with_capacity(256), error: None }
+        let line = Vec::with_capacity(512);
+        Self { output, options, clock, columns: line::Columns::default(), line, error: None }
     }
 
     /// Writes one event, if it is one to be shown.
+    #[inline]
     pub fn write(&mut self, event: &Event, bus: &Bus) {
         self.clock.see(event.time);
         if self.error.is_some() || !self.is_shown(event) {
             return;
         }
-        self.line.clear();
-        let words = line::words(event, bus);
-        let who = if bus.index().0 == 0 { words.who } else { format!("{} {}", bus.name(), words.who) };
-        let (on, off) = if self.options.color && words.tone != Tone::Plain {
-            (words.tone.ansi(), "\x1b[0m")
-        } else {
-            ("", "")
-        };
-        let mark = if event.presumed { "?" } else { "" };
-        let frames = line::frames(event.frames);
-        let time = self.clock.column(event.time);
-        let line = format!("{time}  {who:<16}  {on}{:<6} {}{mark}{off}{frames}", words.kind, words.what);
-        // Every string of the capture ends up in this line; our own colours are the only control characters.
-        if self.options.color {
-            self.line.push_str(&line.split('\x1b').map(super::escape).collect::<Vec<_>>().join("\x1b"));
-        } else {
-            self.line.push_str(&super::escape(&line));
+        self.columns.fill(event, bus);
+        self.write_line(event, bus);
+    }
+
+    /// Every string of the capture is in one of the columns: escaped, so that our own colours are the
+    /// only control characters.
+    fn write_line(&mut self, event: &Event, bus: &Bus) {
+        let (columns, line) = (&self.columns, &mut self.line);
+        line.clear();
+        self.clock.column(event.time, line);
+        line.extend_from_slice(b"  ");
+        let mut width = 0;
+        if bus.index().0 != 0 {
+            super::push_escaped(line, bus.name().as_bytes());
+            line.push(b' ');
+            width = characters(bus.name().as_bytes()) + 1;
         }
-        self.line.push('\n');
+        super::push_escaped(line, &columns.who);
+        push_blanks(line, 16, width + characters(&columns.who));
+        line.extend_from_slice(b"  ");
+        let colored = self.options.color && columns.tone != Tone::Plain;
+        if colored {
+            line.extend_from_slice(columns.tone.ansi().as_bytes());
+        }
+        line.extend_from_slice(columns.kind.as_bytes());
+        push_blanks(line, 6, columns.kind.len());
+        line.push(b' ');
+        super::push_escaped(line, &columns.what);
+        if event.presumed {
+            line.push(b'?');
+        }
+        if colored {
+            line.extend_from_slice(b"\x1b[0m");
+        }
+        line::push_frames(event.frames, line);
+        line.push(b'\n');
         if self.options.verbose {
-            detail::write(event, bus, &mut self.line);
+            line.extend_from_slice(detail::lines(event, bus).as_bytes());
         }
-        self.error = self.output.write_all(self.line.as_bytes()).err();
+        self.error = self.output.write_all(line).err();
     }
 
     fn is_shown(&self, event: &Event) -> bool {
@@ -151,4 +174,9 @@ impl<W: Write> Text<W> {
     pub fn has_failed(&self) -> bool {
         self.error.is_some()
     }
+}
+
+/// Characters of UTF-8 text.
+fn characters(text: &[u8]) -> usize {
+    text.iter().filter(|byte| **byte & 0xC0 != 0x80).count()
 }

@@ -3,6 +3,7 @@
 use jiff::tz::TimeZone;
 
 use crate::frame::Timestamp;
+use crate::sink::ascii::{push_blanks, push_decimal, push_digits};
 
 /// What the time column shows, as candump's `-t`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -24,45 +25,65 @@ pub(super) struct Clock {
     style: TimeColumn,
     first: Option<Timestamp>,
     last: Option<Timestamp>,
+    /// The second whose date was written last, and that date.
+    second: i64,
+    date: String,
 }
 
 impl Clock {
     pub(super) fn new(style: TimeColumn) -> Self {
-        Self { style, first: None, last: None }
+        Self { style, first: None, last: None, second: 0, date: String::new() }
     }
 
     /// The first time seen is the zero of the column.
+    #[inline]
     pub(super) fn see(&mut self, time: Option<Timestamp>) {
         if self.first.is_none() {
             self.first = time;
         }
     }
 
-    /// The column of a line that is printed; equally wide from line to line.
-    pub(super) fn column(&mut self, time: Option<Timestamp>) -> String {
-        let Some(time) = time else { return "        –".into() };
+    /// Appends the column of a line that is printed; equally wide from line to line.
+    pub(super) fn column(&mut self, time: Option<Timestamp>, out: &mut Vec<u8>) {
+        let Some(time) = time else { return out.extend_from_slice("        –".as_bytes()) };
         let before = self.last.replace(time);
         match self.style {
-            TimeColumn::Zero => seconds(time.since(self.first.unwrap_or(time)), 3, 9),
-            TimeColumn::Delta => seconds(time.since(before.unwrap_or(time)), 6, 11),
-            TimeColumn::Absolute => seconds(time.0, 6, 17),
-            TimeColumn::Date => date(time),
+            TimeColumn::Zero => seconds(time.since(self.first.unwrap_or(time)), 3, 9, out),
+            TimeColumn::Delta => seconds(time.since(before.unwrap_or(time)), 6, 11, out),
+            TimeColumn::Absolute => seconds(time.0, 6, 17, out),
+            TimeColumn::Date => self.date(time, out),
         }
+    }
+
+    fn date(&mut self, time: Timestamp, out: &mut Vec<u8>) {
+        let second = time.0.div_euclid(1_000_000_000);
+        if second != self.second || self.date.is_empty() {
+            self.second = second;
+            self.date = jiff::Timestamp::from_second(second).map_or_else(
+                |_| second.to_string(),
+                |time| time.to_zoned(TimeZone::UTC).strftime("%Y-%m-%d %H:%M:%S").to_string(),
+            );
+        }
+        out.extend_from_slice(self.date.as_bytes());
+        out.push(b'.');
+        push_digits(out, time.0.rem_euclid(1_000_000_000).unsigned_abs() / 1_000, 6);
     }
 }
 
-fn seconds(nanoseconds: i64, digits: u32, width: usize) -> String {
-    let sign = if nanoseconds < 0 { "-" } else { "" };
-    let unit = 10_u64.pow(9 - digits.min(9));
-    let rounded = nanoseconds.unsigned_abs() / unit;
+/// Appends nanoseconds as seconds with `digits` digits behind the point, cut, right-aligned.
+fn seconds(nanoseconds: i64, digits: u32, width: usize, out: &mut Vec<u8>) {
     let per_second = 10_u64.pow(digits.min(9));
-    let digits = digits as usize;
-    format!("{:>width$}", format!("{sign}{}.{:0digits$}", rounded / per_second, rounded % per_second))
-}
-
-fn date(time: Timestamp) -> String {
-    let zoned = jiff::Timestamp::from_nanosecond(i128::from(time.0)).map(|time| time.to_zoned(TimeZone::UTC));
-    zoned.map_or_else(|_| time.to_string(), |zoned| zoned.strftime("%Y-%m-%d %H:%M:%S%.6f").to_string())
+    let cut = nanoseconds.unsigned_abs() / 10_u64.pow(9 - digits.min(9));
+    let (whole, fraction) = (cut / per_second, cut % per_second);
+    let whole_digits = whole.checked_ilog10().map_or(1, |log| log + 1);
+    let length = (u32::from(nanoseconds < 0) + whole_digits + 1 + digits) as usize;
+    push_blanks(out, width, length);
+    if nanoseconds < 0 {
+        out.push(b'-');
+    }
+    push_decimal(out, whole);
+    out.push(b'.');
+    push_digits(out, fraction, digits as usize);
 }
 
 #[cfg(test)]
@@ -71,10 +92,16 @@ mod tests {
 
     const START: Timestamp = Timestamp(1_436_516_252_249_713_000);
 
+    fn column(clock: &mut Clock, time: Timestamp) -> String {
+        let mut out = Vec::new();
+        clock.column(Some(time), &mut out);
+        String::from_utf8(out).unwrap()
+    }
+
     fn columns(style: TimeColumn) -> Vec<String> {
         let mut clock = Clock::new(style);
         clock.see(Some(START));
-        [START, START.plus(1_234_567_000)].map(|time| clock.column(Some(time))).to_vec()
+        [START, START.plus(1_234_567_000)].map(|time| column(&mut clock, time)).to_vec()
     }
 
     #[test]
@@ -82,13 +109,15 @@ mod tests {
         assert_eq!(columns(TimeColumn::Zero), ["    0.000", "    1.234"]);
         assert_eq!(columns(TimeColumn::Delta), ["   0.000000", "   1.234567"]);
         assert_eq!(columns(TimeColumn::Absolute), ["1436516252.249713", "1436516253.484280"]);
-        assert_eq!(columns(TimeColumn::Date)[0], "2015-07-10 08:17:32.249713");
+        assert_eq!(columns(TimeColumn::Date), ["2015-07-10 08:17:32.249713", "2015-07-10 08:17:33.484280"]);
     }
 
     #[test]
     fn a_time_before_the_first_is_negative() {
         let mut clock = Clock::new(TimeColumn::Zero);
         clock.see(Some(START));
-        assert_eq!(clock.column(Some(START.plus(-1_500_000_000))), "   -1.500");
+        assert_eq!(column(&mut clock, START.plus(-1_500_000_000)), "   -1.500");
+        let mut clock = Clock::new(TimeColumn::Date);
+        assert_eq!(column(&mut clock, Timestamp(-1_500_000_000)), "1969-12-31 23:59:58.500000");
     }
 }
