@@ -1,14 +1,15 @@
 //! SDO: many messages become one transfer.
 //!
 //! ```text
-//! Bus::on_sdo ─▶ wire::sdo::parse(side, phase) ─▶ Channel ─▶ Transfer (block.rs: its blocks) ─▶ event
+//! Bus::on_sdo ─▶ wire::sdo::parse(side, phase) ─▶ Channels, Channel ─▶ Transfer (block.rs: its blocks) ─▶ event
 //! ```
 
 mod block;
 mod channel;
+mod channels;
 mod transfer;
 
-pub(in crate::session) use channel::Channels;
+pub(in crate::session) use channels::Channels;
 use transfer::Transfer;
 
 use super::super::store::OriginKind;
@@ -77,9 +78,9 @@ impl Bus {
     /// A channel's entry in the timer queue came due.
     pub(in crate::session) fn sdo_deadline(&mut self, channel: u16, now: i64, out: &mut dyn Observer) {
         match self.channels.due(channel, now) {
-            channel::Due::Nothing => {}
-            channel::Due::Later(deadline) => self.timers.add(deadline, Subject::SdoChannel(channel)),
-            channel::Due::Over(transfer, deadline) => {
+            channels::Due::Nothing => {}
+            channels::Due::Later(deadline) => self.timers.add(deadline, Subject::SdoChannel(channel)),
+            channels::Due::Over(transfer, deadline) => {
                 let Some(server) = self.channels.server(channel) else { return };
                 let mut frame = Frame { number: transfer.frames.last, ..Frame::EMPTY };
                 frame.time = self.clock.stamp_of(deadline);

@@ -1,0 +1,176 @@
+//! Events: what happened on a bus, as facts. Judgements are made of them by rules, lines by sinks.
+//!
+//! An event of several frames carries the time of its last one; an event a deadline brings carries the
+//! deadline's time. Names of kinds and of their keys in output are in `query/`.
+
+mod node;
+mod transfer;
+
+pub use node::{BootCause, Certainty, EmcyAction, Emergency, PowerSign, Silence, StateCause, StateChange};
+pub use transfer::{Abort, Crc, Direction, Mode, Outcome, Pdo, SdoTransfer};
+
+use crate::frame::{BusIndex, Frame, Timestamp};
+use crate::wire::Malformed;
+use crate::wire::canopen::lss::Content;
+use crate::wire::canopen::nmt::NmtService;
+use crate::wire::canopen::{NmtState, ObjectAddress};
+use crate::wire::error_frame::ErrorFrame;
+
+/// First and last frame of something, numbered from 1 within a capture; 0 for "none".
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct FrameRange {
+    /// First frame.
+    pub first: u64,
+    /// Last frame.
+    pub last: u64,
+}
+
+impl FrameRange {
+    /// A single frame.
+    pub const fn one(number: u64) -> Self {
+        Self { first: number, last: number }
+    }
+}
+
+/// What the event's protocol is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Protocol {
+    /// The bus itself: errors, silence, clocks, frames nobody owns.
+    Can,
+    /// CiA 301 and CiA 305.
+    Canopen,
+    /// Messages about the capture.
+    Capture,
+}
+
+/// One fact.
+#[derive(Debug, Clone)]
+pub struct Event {
+    /// When; `None` where the capture has no times.
+    pub time: Option<Timestamp>,
+    /// Which bus.
+    pub bus: BusIndex,
+    /// Frames it is made of.
+    pub frames: FrameRange,
+    /// Protocol.
+    pub protocol: Protocol,
+    /// CANopen node-ID it is about, 1..=127.
+    pub node: Option<u8>,
+    /// Understood as CANopen without evidence that the bus is one.
+    pub presumed: bool,
+    /// Says nothing new: a repetition that a reader of changes need not see.
+    pub routine: bool,
+    /// What happened.
+    pub kind: EventKind,
+}
+
+/// What happened.
+#[derive(Debug, Clone)]
+#[expect(missing_docs, reason = "fields are documented by the field table in query/")]
+pub enum EventKind {
+    /// The NMT master commands.
+    NmtCommand { service: NmtService, target: u8, from: Option<NmtState>, to: Option<NmtState> },
+    /// A node's state changed, became known or was confirmed.
+    NmtState(StateChange),
+    /// A node started.
+    BootUp { cause: BootCause },
+    /// A producer's heartbeat.
+    Heartbeat { state: Option<NmtState>, code: u8 },
+    /// The master's guarding request (remote frame).
+    GuardRequest,
+    /// A node's answer to guarding.
+    GuardReply { state: Option<NmtState>, code: u8, toggle: bool, toggle_error: bool },
+    /// A monitored node went silent.
+    NodeLost(Silence),
+    /// It is heard again.
+    NodeBack(Silence),
+    /// SYNC.
+    Sync { counter: Option<u8>, expected: Option<u8> },
+    /// TIME.
+    Time { milliseconds: u32, days: u16 },
+    /// EMCY.
+    Emcy(Emergency),
+    /// A PDO.
+    Pdo(Pdo),
+    /// A whole SDO transfer.
+    SdoTransfer(Box<SdoTransfer>),
+    /// An LSS message.
+    Lss { command: u8, from_master: bool, content: Content },
+    /// A node took another node-ID.
+    NodeIdChange { from: Option<u8>, to: u8, by: &'static str },
+    /// The object store learnt another value.
+    ObjectChange(Box<ObjectChange>),
+    /// The controller's report of an error.
+    CanError(ErrorFrame),
+    /// A frame nothing more is known of; `name` where its service is named.
+    Frame(Box<Undecoded>),
+    /// Bytes too few for their service, or a command that does not exist.
+    Malformed { error: Malformed, reason: &'static str },
+    /// State was given up to keep memory bounded.
+    Evicted { what: &'static str, count: u64 },
+    /// Stamps went backwards by `step` nanoseconds (negative).
+    ClockStep { step: i64 },
+    /// All traffic stopped for `gap` nanoseconds.
+    BusSilent { gap: i64 },
+    /// The recorder lost frames.
+    LostFrames { count: Option<u64> },
+    /// A line or record of the capture that could not be read.
+    Unreadable { line: Option<u64>, offset: Option<u64>, reason: String },
+    /// Something to know about the whole bus or capture, said once.
+    Note { text: String },
+}
+
+/// A change in the object store.
+#[derive(Debug, Clone)]
+pub struct ObjectChange {
+    /// Object.
+    pub object: ObjectAddress,
+    /// Bytes known before.
+    pub from: Option<Vec<u8>>,
+    /// Bytes now.
+    pub to: Vec<u8>,
+    /// `download` or `upload`.
+    pub origin: &'static str,
+}
+
+/// A frame that is no message of any protocol.
+#[derive(Debug, Clone)]
+pub struct Undecoded {
+    /// The frame.
+    pub frame: Frame,
+    /// Name of its service where that is all that is known.
+    pub name: Option<&'static str>,
+}
+
+impl EventKind {
+    /// The name used in all output.
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::NmtCommand { .. } => "nmt-command",
+            Self::NmtState(_) => "nmt-state",
+            Self::BootUp { .. } => "boot-up",
+            Self::Heartbeat { .. } => "heartbeat",
+            Self::GuardRequest => "guard-request",
+            Self::GuardReply { .. } => "guard-reply",
+            Self::NodeLost(_) => "node-lost",
+            Self::NodeBack(_) => "node-back",
+            Self::Sync { .. } => "sync",
+            Self::Time { .. } => "time",
+            Self::Emcy(_) => "emcy",
+            Self::Pdo(_) => "pdo",
+            Self::SdoTransfer(_) => "sdo-transfer",
+            Self::Lss { .. } => "lss",
+            Self::NodeIdChange { .. } => "node-id-change",
+            Self::ObjectChange(_) => "object-change",
+            Self::CanError(_) => "can-error",
+            Self::Frame(_) => "frame",
+            Self::Malformed { .. } => "malformed",
+            Self::Evicted { .. } => "evicted",
+            Self::ClockStep { .. } => "clock-step",
+            Self::BusSilent { .. } => "bus-silent",
+            Self::LostFrames { .. } => "lost-frames",
+            Self::Unreadable { .. } => "unreadable",
+            Self::Note { .. } => "note",
+        }
+    }
+}

@@ -1,0 +1,237 @@
+//! All SDO channels of a bus.
+
+use super::channel::{Channel, Finished};
+use super::transfer::{Stage, Transfer};
+use crate::event::{Direction, Outcome};
+use crate::frame::{CanId, Frame};
+use crate::session::{CHANNEL_LIMIT, OPEN_DATA_LIMIT};
+use crate::wire::canopen::sdo::{Phase, Sdo, Side};
+
+/// What a timer entry of a channel comes to.
+pub(super) enum Due {
+    /// Nothing is open.
+    Nothing,
+    /// The deadline moved.
+    Later(i64),
+    /// The transfer got no answer until its deadline.
+    Over(Box<Transfer>, i64),
+}
+
+/// All channels of a bus.
+#[derive(Debug, Clone, Default)]
+pub(in crate::session) struct Channels {
+    channels: Vec<Channel>,
+    overflowed: bool,
+}
+
+impl Channels {
+    /// The channel every node has (0x600 and 0x580 + node-ID).
+    pub(in crate::session) fn default_channel(&mut self, node: u8) -> Option<u16> {
+        let id = |base: u16| CanId::standard(base + u16::from(node));
+        self.add(node, 0x1200, id(0x600), id(0x580), None)
+    }
+
+    /// A channel from a server parameter; its identifiers are replaced if it exists.
+    pub(in crate::session) fn add(
+        &mut self,
+        server: u8,
+        parameter: u16,
+        request: CanId,
+        response: CanId,
+        client: Option<u8>,
+    ) -> Option<u16> {
+        let known = self
+            .channels
+            .iter()
+            .position(|channel| (channel.server, channel.parameter) == (server, parameter));
+        let index = match known {
+            Some(index) => index,
+            None if self.channels.len() < CHANNEL_LIMIT => {
+                self.channels.push(Channel {
+                    request,
+                    response,
+                    server,
+                    client,
+                    parameter,
+                    transfer: None,
+                    deadline: None,
+                    queued: false,
+                });
+                self.channels.len() - 1
+            }
+            None => return None,
+        };
+        let channel = self.channels.get_mut(index)?;
+        (channel.request, channel.response, channel.client) = (request, response, client);
+        u16::try_from(index).ok()
+    }
+
+    /// The channel a client's parameter describes: the server's own where the identifiers are equal.
+    pub(in crate::session) fn of_client(
+        &mut self,
+        server: u8,
+        parameter: u16,
+        request: CanId,
+        response: CanId,
+        client: u8,
+    ) -> Option<u16> {
+        let same = |channel: &Channel| (channel.request, channel.response) == (request, response);
+        if let Some(index) = self.channels.iter().position(same) {
+            self.channels.get_mut(index)?.client = Some(client);
+            return u16::try_from(index).ok();
+        }
+        self.add(server, parameter, request, response, Some(client))
+    }
+
+    fn get(&self, channel: u16) -> Option<&Channel> {
+        self.channels.get(usize::from(channel))
+    }
+
+    fn get_mut(&mut self, channel: u16) -> Option<&mut Channel> {
+        self.channels.get_mut(usize::from(channel))
+    }
+
+    /// Node-ID of the server.
+    pub(super) fn server(&self, channel: u16) -> Option<u8> {
+        self.get(channel).map(|channel| channel.server)
+    }
+
+    /// Node-ID of the client, if configured.
+    pub(super) fn client(&self, channel: u16) -> Option<u8> {
+        self.get(channel)?.client
+    }
+
+    /// Identifiers of requests and responses.
+    pub(in crate::session) fn ids(&self, channel: u16) -> Option<(CanId, CanId)> {
+        self.get(channel).map(|channel| (channel.request, channel.response))
+    }
+
+    /// Whether a transfer is open on the channel in which both sides took part.
+    pub(super) fn is_answered(&self, channel: u16) -> bool {
+        let transfer = self.get(channel).and_then(|channel| channel.transfer.as_ref());
+        transfer.is_some_and(|transfer| !transfer.cut_start || transfer.is_answered())
+    }
+
+    /// In which phase a side of the channel is.
+    pub(super) fn phase(&self, channel: u16, side: Side) -> Option<Phase> {
+        let transfer = self.get(channel)?.transfer.as_deref();
+        let sender =
+            transfer.filter(|transfer| transfer.stage == Stage::BlockSegments).and_then(|t| t.direction);
+        Some(match (sender, side) {
+            (Some(Direction::Download), Side::Client) | (Some(Direction::Upload), Side::Server) => {
+                Phase::BlockSegments
+            }
+            _ => Phase::Commands,
+        })
+    }
+
+    /// Sets the deadline of an open transfer; `true` if it must go into the timer queue.
+    pub(super) fn arm(&mut self, channel: u16, deadline: i64) -> bool {
+        let Some(channel) = self.get_mut(channel) else { return false };
+        if channel.transfer.is_none() {
+            channel.deadline = None;
+            return false;
+        }
+        channel.deadline = Some(deadline);
+        !std::mem::replace(&mut channel.queued, true)
+    }
+
+    /// What to do when the timer entry of a channel comes due.
+    pub(super) fn due(&mut self, channel: u16, now: i64) -> Due {
+        let Some(channel) = self.get_mut(channel) else { return Due::Nothing };
+        channel.queued = false;
+        match channel.deadline {
+            None => Due::Nothing,
+            Some(deadline) if deadline >= now => {
+                channel.queued = true;
+                Due::Later(deadline)
+            }
+            Some(deadline) => {
+                channel.deadline = None;
+                match channel.transfer.take() {
+                    Some(mut transfer) => {
+                        transfer.end(Outcome::Timeout);
+                        Due::Over(transfer, deadline)
+                    }
+                    None => Due::Nothing,
+                }
+            }
+        }
+    }
+
+    /// Moves all deadlines by `delay` nanoseconds.
+    pub(in crate::session) fn postpone(&mut self, delay: i64) {
+        for channel in &mut self.channels {
+            channel.deadline = channel.deadline.map(|deadline| deadline.saturating_add(delay));
+        }
+    }
+
+    /// Takes out all open transfers, with their servers, in the order they began.
+    pub(super) fn drain(&mut self) -> Vec<(u8, Box<Transfer>)> {
+        let open =
+            self.channels.iter_mut().filter_map(|channel| Some((channel.server, channel.transfer.take()?)));
+        let mut open: Vec<_> = open.collect();
+        for (_, transfer) in &mut open {
+            transfer.end(Outcome::Unfinished);
+        }
+        open.sort_by_key(|(_, transfer)| transfer.frames.first);
+        open
+    }
+
+    /// Whether data had to be dropped since the last question.
+    pub(super) fn take_overflow(&mut self) -> bool {
+        std::mem::take(&mut self.overflowed)
+    }
+
+    /// Bytes held.
+    pub(in crate::session) fn footprint(&self) -> usize {
+        let open = self.channels.iter().filter_map(|channel| channel.transfer.as_ref());
+        self.channels.capacity() * size_of::<Channel>()
+            + open.map(|transfer| transfer.footprint()).sum::<usize>()
+    }
+
+    /// A command byte nobody knows; it may be a segment of a block whose beginning was not seen.
+    pub(super) fn saw_unknown(&mut self, channel: u16, side: Side, command: u8) {
+        if let Some(transfer) = self.get_mut(channel).and_then(|channel| channel.transfer.as_mut())
+            && transfer.frame_count == 1
+        {
+            transfer.opened_by = (command, side == Side::Client);
+        }
+    }
+
+    /// Takes a message; gives the transfers it ended.
+    pub(super) fn take(
+        &mut self,
+        index: u16,
+        side: Side,
+        message: Sdo<'_>,
+        command: u8,
+        frame: &Frame,
+        _now: i64,
+    ) -> Finished {
+        let open_bytes: usize = self.open_bytes_if_large(index);
+        let Some(channel) = self.get_mut(index) else { return [None, None] };
+        let finished = channel.take(index, side, message, command, frame);
+        if let Some(transfer) = &mut channel.transfer {
+            let over = open_bytes + transfer.data.len() > OPEN_DATA_LIMIT;
+            if over && !transfer.data.is_empty() {
+                transfer.data = Vec::new();
+                transfer.truncated = true;
+                self.overflowed = true;
+            }
+        }
+        finished
+    }
+
+    /// Bytes the other open transfers hold. Only asked for when this one holds a good part of the limit:
+    /// [`CHANNEL_LIMIT`] transfers below that cannot exceed it.
+    fn open_bytes_if_large(&self, index: u16) -> usize {
+        let share = OPEN_DATA_LIMIT / CHANNEL_LIMIT;
+        let mine = self.get(index).and_then(|channel| channel.transfer.as_ref());
+        if mine.is_none_or(|transfer| transfer.data.len() < share) {
+            return 0;
+        }
+        let others = self.channels.iter().enumerate().filter(|(place, _)| *place != usize::from(index));
+        others.filter_map(|(_, channel)| channel.transfer.as_ref()).map(|transfer| transfer.data.len()).sum()
+    }
+}
