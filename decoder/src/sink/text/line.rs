@@ -372,7 +372,7 @@ fn outcome(transfer: &SdoTransfer, what: &mut String) -> Tone {
             Tone::Bad
         }
         (Outcome::Superseded, _) => {
-            what.push_str(" given up: the client began anew");
+            what.push_str(" given up: another one began");
             Tone::Caution
         }
         (Outcome::Unfinished, _) => {

@@ -189,6 +189,50 @@ impl Sdo<'_> {
     }
 }
 
+impl Sdo<'_> {
+    /// Whether it belongs to an upload; `None` where the message does not tell.
+    pub const fn is_upload(&self) -> Option<bool> {
+        match self {
+            Self::InitiateUpload { .. }
+            | Self::UploadInitiated { .. }
+            | Self::RequestUploadSegment { .. }
+            | Self::UploadSegment(_)
+            | Self::InitiateBlockUpload { .. }
+            | Self::BlockUploadInitiated { .. }
+            | Self::StartBlockUpload
+            | Self::BlockUploadAcknowledged { .. }
+            | Self::EndBlockUpload(_)
+            | Self::BlockUploadEnded => Some(true),
+            Self::InitiateDownload { .. }
+            | Self::DownloadInitiated { .. }
+            | Self::DownloadSegment(_)
+            | Self::DownloadSegmentAccepted { .. }
+            | Self::InitiateBlockDownload { .. }
+            | Self::BlockDownloadInitiated { .. }
+            | Self::BlockDownloadAcknowledged { .. }
+            | Self::EndBlockDownload(_)
+            | Self::BlockDownloadEnded => Some(false),
+            Self::BlockSegment { .. } | Self::Abort { .. } | Self::Unknown { .. } => None,
+        }
+    }
+
+    /// The object it names.
+    pub const fn object(&self) -> Option<ObjectAddress> {
+        match self {
+            Self::InitiateDownload { object, .. }
+            | Self::DownloadInitiated { object }
+            | Self::InitiateUpload { object }
+            | Self::UploadInitiated { object, .. }
+            | Self::InitiateBlockDownload { object, .. }
+            | Self::BlockDownloadInitiated { object, .. }
+            | Self::InitiateBlockUpload { object, .. }
+            | Self::BlockUploadInitiated { object, .. }
+            | Self::Abort { object, .. } => Some(*object),
+            _ => None,
+        }
+    }
+}
+
 /// A segment of a segmented transfer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Segment<'a> {

@@ -39,16 +39,18 @@ impl Channel {
         if let Sdo::Abort { object, code } = message {
             return [None, Some(self.abort(index, side, object, code, frame))];
         }
+        if side == Side::Server
+            && let Some(stray) = self.stray_answer(index, &message, frame)
+        {
+            return [None, Some(stray)];
+        }
         let superseded = self.superseded_by(&message);
         if let Some(transfer) = &mut self.transfer {
             transfer.add_frame(frame);
         }
         let is_over = match side {
             Side::Client => self.client(index, message, frame),
-            Side::Server => match self.stray_answer(index, &message, frame) {
-                Some(stray) => return [superseded, Some(stray)],
-                None => self.server(index, message, frame),
-            },
+            Side::Server => self.server(index, message, frame),
         };
         if let Some(transfer) = &mut self.transfer {
             transfer.saw(side);
@@ -116,15 +118,23 @@ impl Channel {
         transfer
     }
 
-    /// A client that begins anew gives up what was open.
+    /// The open transfer if this message ends it by being no part of it: the client begins anew, or the
+    /// message runs the other way or names another object, so what came between was not seen.
     fn superseded_by(&mut self, message: &Sdo<'_>) -> Option<Box<Transfer>> {
-        let mut transfer = if message.begins() { self.transfer.take() } else { None }?;
+        let open = self.transfer.as_ref()?;
+        let upload = open.direction.map(|direction| direction == Direction::Upload);
+        let other_way = matches!((upload, message.is_upload()), (Some(open), Some(this)) if open != this);
+        let other_object =
+            matches!((open.object, message.object()), (Some(open), Some(this)) if open != this);
+        if !message.begins() && !other_way && !other_object {
+            return None;
+        }
+        let mut transfer = self.transfer.take()?;
         transfer.end(Outcome::Superseded);
         Some(transfer)
     }
 
-    /// The open transfer if it runs this way, else one whose beginning was not seen. A transfer that runs
-    /// another way stays open: the frame is not its own, but nothing better is known of it.
+    /// The open transfer, else one whose beginning was not seen.
     fn open_or_cut(&mut self, index: u16, direction: Direction, mode: Mode, frame: &Frame) -> &mut Transfer {
         let transfer = self.transfer.get_or_insert_with(|| {
             let mut cut = Transfer::new(index, None, frame);
