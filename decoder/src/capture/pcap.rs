@@ -110,7 +110,7 @@ impl Pcap {
             Err(error) => Err(CaptureError::Header {
                 format: TITLE,
                 offset: self.offset,
-                found: format!("{} bytes ({error})", input.len()),
+                found: format!("{} bytes ({error})", input.len().min(HEADER)),
                 expected: "a header of 24 bytes",
             }),
         }

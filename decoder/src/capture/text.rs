@@ -28,6 +28,11 @@ impl Lines {
         self.number
     }
 
+    /// Whether what follows is the rest of a line that was too long.
+    pub(super) fn is_skipping(&self) -> bool {
+        self.skipping
+    }
+
     /// Counts a line that was taken without [`Lines::next`].
     #[inline]
     pub(super) fn count_one(&mut self) {
@@ -53,8 +58,11 @@ impl Lines {
                 self.line(input.get(..end).unwrap_or_default(), taken)
             }
             None if input.is_empty() => Step::More,
-            None if self.skipping && found.is_none() => Step::Skip(input.len()),
-            None if self.skipping => Step::More,
+            // All but a `\r` that may belong to a `\n` behind it.
+            None if self.skipping => match found.unwrap_or(input.len()) {
+                0 => Step::More,
+                before => Step::Skip(before),
+            },
             // Cut at the same byte however much input there is.
             _ if input.len() > LONGEST_LINE => {
                 self.skipping = true;

@@ -26,7 +26,7 @@ pub struct Bus {
     pub(super) timers: Timers,
     pub(super) routes: Routes,
     pub(super) nodes: Vec<Node>,
-    /// Place in `nodes` + 1 by node-ID, 0 = none: a node keeps its place when its node-ID moves.
+    /// Place in `nodes` + 1 by node-ID, 0 = none.
     node_by_id: [u8; 128],
     pub(super) channels: Channels,
     pub(super) sync: SyncState,
@@ -155,6 +155,19 @@ impl Bus {
                 _ => continue,
             };
             self.routes.learn(id, moved);
+        }
+        // Deadlines are queued by node-ID.
+        for id in [from, to] {
+            self.timers.remove(Subject::Heartbeat(id));
+        }
+        let place = usize::from(moved).checked_sub(1);
+        if let Some(heartbeat) =
+            place.and_then(|place| self.nodes.get_mut(place)).map(|node| &mut node.heartbeat)
+        {
+            heartbeat.queued = heartbeat.deadline.is_some();
+            if let Some(deadline) = heartbeat.deadline {
+                self.timers.add(deadline, Subject::Heartbeat(to));
+            }
         }
     }
 
@@ -300,7 +313,18 @@ impl Bus {
             let kind = EventKind::Evicted { what: "29-bit identifiers kept apart", count: 1 };
             self.emit_can(frame, kind, out);
         }
+        self.say_refused(frame, out);
         slot
+    }
+
+    /// Says that a channel or an identifier found no room.
+    pub(super) fn say_refused(&mut self, frame: &Frame, out: &mut dyn Observer) {
+        if self.channels.take_refused() {
+            self.emit_can(frame, EventKind::Evicted { what: "SDO channel", count: 1 }, out);
+        }
+        if self.routes.take_refused() {
+            self.emit_can(frame, EventKind::Evicted { what: "learnt identifier", count: 1 }, out);
+        }
     }
 
     /// The service a default owner stands for, with its channel.

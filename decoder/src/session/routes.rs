@@ -53,6 +53,7 @@ pub(super) struct Routes {
     slots: Vec<Slot>,
     /// Services learnt on the wire or given by the user, by identifier; they go before the defaults.
     learnt: Arc<BTreeMap<CanId, Service>>,
+    refused: bool,
 }
 
 impl Default for Routes {
@@ -62,6 +63,7 @@ impl Default for Routes {
             extended: HashMap::default(),
             slots: Vec::new(),
             learnt: Arc::default(),
+            refused: false,
         }
     }
 }
@@ -129,10 +131,17 @@ impl Routes {
         if self.learnt.get(&id) == Some(&service) {
             return;
         }
-        if self.learnt.len() < EXTENDED_ID_LIMIT {
+        if self.learnt.len() < EXTENDED_ID_LIMIT || self.learnt.contains_key(&id) {
             Arc::make_mut(&mut self.learnt).insert(id, service);
             self.reroute(id, service);
+        } else {
+            self.refused = true;
         }
+    }
+
+    /// Whether an identifier could not be learnt since the last question.
+    pub(super) fn take_refused(&mut self) -> bool {
+        std::mem::take(&mut self.refused)
     }
 
     /// Takes back what was learnt of `id`; a default that `replaces` it holds again.
@@ -163,6 +172,15 @@ impl Routes {
     pub(super) fn refresh_pdo(&mut self, name: PdoName, node: u8) {
         for slot in &mut self.slots {
             if slot.service == Service::Pdo(name, node) {
+                slot.pdo = None;
+            }
+        }
+    }
+
+    /// The same for all PDOs of a node.
+    pub(super) fn refresh_pdos_of(&mut self, id: u8) {
+        for slot in &mut self.slots {
+            if matches!(slot.service, Service::Pdo(_, node) if node == id) {
                 slot.pdo = None;
             }
         }

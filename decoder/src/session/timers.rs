@@ -53,6 +53,12 @@ impl Timers {
         due
     }
 
+    /// Takes out the entries of a subject.
+    pub(super) fn remove(&mut self, subject: Subject) {
+        self.queue.retain(|Reverse((_, queued))| *queued != subject);
+        self.next = self.queue.peek().map_or(i64::MAX, |Reverse((deadline, _))| *deadline);
+    }
+
     /// Bytes held.
     pub(super) fn footprint(&self) -> usize {
         self.queue.len() * size_of::<(i64, Subject)>()
@@ -73,5 +79,9 @@ mod tests {
         assert_eq!(timers.take_due(30), None);
         assert_eq!(timers.take_due(31), Some((30, Subject::Heartbeat(3))));
         assert_eq!(timers.take_due(i64::MAX), None);
+        timers.add(10, Subject::SdoChannel(1));
+        timers.add(20, Subject::Heartbeat(3));
+        timers.remove(Subject::SdoChannel(1));
+        assert!(!timers.is_due(20) && timers.is_due(21));
     }
 }

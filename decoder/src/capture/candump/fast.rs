@@ -85,9 +85,10 @@ impl Cache {
         let value = text.iter().try_fold(0_i64, |value, digit| {
             digit.is_ascii_digit().then(|| value * 10 + i64::from(digit - b'0'))
         })?;
-        self.seconds_text = text;
-        self.nanoseconds = value * 1_000_000_000;
-        Some(self.nanoseconds)
+        // Ten digits can be a few years beyond the last nanosecond there is: the general parser saturates.
+        let nanoseconds = value.checked_mul(1_000_000_000)?;
+        (self.seconds_text, self.nanoseconds) = (text, nanoseconds);
+        Some(nanoseconds)
     }
 
     /// Reads the line at the start of `input`; `None` leaves it to the general parser.
@@ -120,7 +121,7 @@ impl Cache {
             return None;
         }
         Some(FastLine {
-            stamp: nanoseconds + micros * 1_000,
+            stamp: nanoseconds.saturating_add(micros * 1_000),
             bus: name.bus,
             id,
             length: u8::try_from(digits / 2).ok()?,
@@ -262,6 +263,7 @@ mod tests {
             "(1700000000.123456789) can0 123#AA\n",
             "(170000000 .123456) can0 123#AA\n",
             "(1700000000.12x456) can0 123#AA\n",
+            "(9999999999.999999) can0 123#AA\n",
             "(1700000000.123456) can2 123#AA\n",
             "(1700000000.123456) can0 12G#AA\n",
             " (1700000000.123456)  can0  123   [1]  AA\n",

@@ -63,7 +63,8 @@ impl Candump {
     #[inline]
     fn run(&mut self, input: &[u8], batch: &mut Batch) -> usize {
         let mut taken = 0;
-        if !self.clock.is_absolute() {
+        // The rest of a line that is too long is no line, whatever it looks like.
+        if !self.clock.is_absolute() || self.lines.is_skipping() {
             return 0;
         }
         while let Some(window) = input.get(taken..).and_then(|rest| rest.first_chunk()) {
@@ -156,6 +157,8 @@ impl Candump {
             self.clock.settle();
             return true;
         }
+        // The same lines decide however much input there is.
+        let ahead = ahead.get(..LARGEST_RECORD / 2).unwrap_or(ahead);
         let enough = at_end
             || ahead.len() >= LARGEST_RECORD / 2
             || memchr::memchr_iter(b'\n', ahead).nth(DECIDING_LINES).is_some();

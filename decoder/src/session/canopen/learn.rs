@@ -51,6 +51,7 @@ impl Bus {
             self.emit(frame, id, true, EventKind::ObjectChange(Box::new(change)), out);
         }
         self.take_effect(id, address);
+        self.say_refused(frame, out);
     }
 
     fn take_effect(&mut self, id: u8, address: ObjectAddress) {
@@ -150,21 +151,6 @@ impl Bus {
             return;
         }
         Arc::make_mut(&mut node.store).mark_stale();
-        let services = self.routes.learnt().into_iter().map(|(_, service)| service);
-        let names: Vec<_> = services
-            .filter_map(|service| match service {
-                Service::Pdo(name, node) if node == id => Some(name),
-                _ => None,
-            })
-            .chain([1, 2, 3, 4].into_iter().flat_map(default_pdos))
-            .collect();
-        for name in names {
-            self.routes.refresh_pdo(name, id);
-        }
+        self.routes.refresh_pdos_of(id);
     }
-}
-
-fn default_pdos(number: u16) -> [PdoName; 2] {
-    use crate::profile::PdoDirection::{Receive, Transmit};
-    [Transmit, Receive].map(|direction| PdoName { direction, number })
 }

@@ -48,7 +48,8 @@ impl Bus {
         let to = state_after(command.service);
         let from = self.node(command.target).and_then(|node| node.nmt).map(|nmt| nmt.state);
         let kind = EventKind::NmtCommand { service: command.service, target: command.target, from, to };
-        self.emit(frame, command.target, false, kind, out);
+        // A target above 127 addresses nobody.
+        self.emit(frame, if command.target <= 127 { command.target } else { 0 }, false, kind, out);
         let Some(to) = to else { return };
         let targets = if command.target == 0 { 1..=127 } else { command.target..=command.target };
         for id in targets {

@@ -256,6 +256,9 @@ pub struct BlockEnd {
 /// Exactly this first byte, in a frame of eight bytes, is an abort in every phase.
 const ABORT: u8 = 0x80;
 
+/// Bytes of a message, the command's included.
+const LENGTH: usize = 8;
+
 /// Reads one message.
 ///
 /// # Errors
@@ -264,29 +267,37 @@ const ABORT: u8 = 0x80;
 pub fn parse(data: &[u8], side: Side, phase: Phase) -> Result<Sdo<'_>, Malformed> {
     let [command, rest @ ..] = data else { return Err(Malformed::at("sdo", 0, 1, 0)) };
     let command = *command;
-    let parsed = match (phase, command) {
-        (Phase::BlockSegments, ABORT) if data.len() >= 8 => abort(rest),
-        (Phase::BlockSegments, _) => {
-            return Ok(Sdo::BlockSegment { sequence: command & 0x7F, last: command & 0x80 != 0, data: rest });
-        }
-        (Phase::Commands, ABORT) => abort(rest),
-        (Phase::Commands, _) => match side {
-            Side::Client => client(command, rest),
-            Side::Server => server(command, rest),
-        },
-    };
-    parsed.map(|(_, message)| message).map_err(|missing| match missing {
-        nom::Err::Incomplete(_) => Malformed::at("sdo", data.len(), 1, data.len()),
-        nom::Err::Error(error) | nom::Err::Failure(error) => {
-            let offset = data.len().saturating_sub(error.input.len());
-            Malformed::at("sdo", offset, needed(error.code), data.len())
-        }
+    if phase == Phase::BlockSegments && (command != ABORT || data.len() < LENGTH) {
+        return Ok(Sdo::BlockSegment { sequence: command & 0x7F, last: command & 0x80 != 0, data: rest });
+    }
+    by_command(command, rest, side).map(|(_, message)| message).map_err(|missing| {
+        let left = match missing {
+            nom::Err::Incomplete(_) => 0,
+            nom::Err::Error(error) | nom::Err::Failure(error) => error.input.len(),
+        };
+        let offset = data.len().saturating_sub(left);
+        let whole = 1 + needed(command, rest, side);
+        Malformed::at("sdo", offset, whole.saturating_sub(offset), data.len())
     })
 }
 
-/// Bytes the failed part takes: a code or size has four, the multiplexer's index two.
-fn needed(kind: nom::error::ErrorKind) -> usize {
-    if kind == nom::error::ErrorKind::Eof { 1 } else { 4 }
+/// Bytes behind the command that are enough: what is missing is tried, for the parsers alone know it.
+fn needed(command: u8, rest: &[u8], side: Side) -> usize {
+    let mut filled = [0; LENGTH - 1];
+    for (target, source) in filled.iter_mut().zip(rest) {
+        *target = *source;
+    }
+    let is_enough =
+        |length: &usize| filled.get(..*length).is_some_and(|bytes| by_command(command, bytes, side).is_ok());
+    (rest.len()..filled.len()).find(is_enough).unwrap_or(filled.len())
+}
+
+fn by_command(command: u8, rest: &[u8], side: Side) -> Parsed<'_> {
+    match side {
+        _ if command == ABORT => abort(rest),
+        Side::Client => client(command, rest),
+        Side::Server => server(command, rest),
+    }
 }
 
 type Parsed<'a> = nom::IResult<&'a [u8], Sdo<'a>>;
@@ -513,6 +524,9 @@ mod tests {
         let error = parse(&[0x40, 0x17], Side::Client, Phase::Commands).unwrap_err();
         assert_eq!(error.layer, "sdo");
         assert_eq!((error.offset, error.available), (1, 1));
+        assert_eq!(error.needed, 3, "index and sub-index");
+        let error = parse(&[0x23, 0x00, 0x20, 1, 9], Side::Client, Phase::Commands).unwrap_err();
+        assert_eq!((error.offset, error.needed, error.available), (4, 4, 1));
         assert!(parse(&[0x80, 0, 0, 0], Side::Server, Phase::Commands).is_err());
         assert!(parse(&[], Side::Client, Phase::Commands).is_err());
     }

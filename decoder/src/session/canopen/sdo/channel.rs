@@ -24,6 +24,11 @@ pub(super) struct Channel {
 pub(super) type Finished = [Option<Box<Transfer>>; 2];
 
 impl Channel {
+    /// Bytes of the value its open transfer holds.
+    pub(super) fn open_bytes(&self) -> usize {
+        self.transfer.as_ref().map_or(0, |transfer| transfer.data.len())
+    }
+
     /// Takes a message; gives the transfers it ended.
     pub(super) fn take(
         &mut self,
@@ -320,7 +325,7 @@ impl Channel {
                 transfer.mode = Some(Mode::Segmented);
                 transfer.announced = size;
                 transfer.stage = Stage::Segments;
-                transfer.truncated = false;
+                transfer.truncated = transfer.data_given_up;
                 false
             }
         }

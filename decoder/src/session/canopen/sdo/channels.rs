@@ -19,9 +19,13 @@ pub(super) enum Due {
 
 /// All channels of a bus.
 #[derive(Debug, Clone, Default)]
+#[expect(clippy::struct_field_names, reason = "the channels are what it is about")]
 pub(in crate::session) struct Channels {
     channels: Vec<Channel>,
+    /// Bytes all open transfers hold.
+    open_bytes: usize,
     overflowed: bool,
+    refused: bool,
 }
 
 impl Channels {
@@ -59,7 +63,10 @@ impl Channels {
                 });
                 self.channels.len() - 1
             }
-            None => return None,
+            None => {
+                self.refused = true;
+                return None;
+            }
         };
         let channel = self.channels.get_mut(index)?;
         (channel.request, channel.response, channel.client) = (request, response, client);
@@ -138,7 +145,7 @@ impl Channels {
 
     /// What to do when the timer entry of a channel comes due.
     pub(super) fn due(&mut self, channel: u16, now: i64) -> Due {
-        let Some(channel) = self.get_mut(channel) else { return Due::Nothing };
+        let Some(channel) = self.channels.get_mut(usize::from(channel)) else { return Due::Nothing };
         channel.queued = false;
         match channel.deadline {
             None => Due::Nothing,
@@ -148,6 +155,7 @@ impl Channels {
             }
             Some(deadline) => {
                 channel.deadline = None;
+                self.open_bytes = self.open_bytes.saturating_sub(channel.open_bytes());
                 match channel.transfer.take() {
                     Some(mut transfer) => {
                         transfer.end(Outcome::Timeout);
@@ -168,6 +176,7 @@ impl Channels {
 
     /// Takes out all open transfers, with their servers, in the order they began.
     pub(super) fn drain(&mut self) -> Vec<(u8, Box<Transfer>)> {
+        self.open_bytes = 0;
         let open =
             self.channels.iter_mut().filter_map(|channel| Some((channel.server, channel.transfer.take()?)));
         let mut open: Vec<_> = open.collect();
@@ -181,6 +190,11 @@ impl Channels {
     /// Whether data had to be dropped since the last question.
     pub(super) fn take_overflow(&mut self) -> bool {
         std::mem::take(&mut self.overflowed)
+    }
+
+    /// Whether a channel found no room since the last question.
+    pub(in crate::session) fn take_refused(&mut self) -> bool {
+        std::mem::take(&mut self.refused)
     }
 
     /// Bytes held.
@@ -209,29 +223,19 @@ impl Channels {
         frame: &Frame,
         _now: i64,
     ) -> Finished {
-        let open_bytes: usize = self.open_bytes_if_large(index);
-        let Some(channel) = self.get_mut(index) else { return [None, None] };
+        let Some(channel) = self.channels.get_mut(usize::from(index)) else { return [None, None] };
+        let before = channel.open_bytes();
         let finished = channel.take(index, side, message, command, frame);
-        if let Some(transfer) = &mut channel.transfer {
-            let over = open_bytes + transfer.data.len() > OPEN_DATA_LIMIT;
-            if over && !transfer.data.is_empty() {
-                transfer.data = Vec::new();
-                transfer.truncated = true;
-                self.overflowed = true;
-            }
+        let now = channel.open_bytes();
+        self.open_bytes = self.open_bytes.saturating_sub(before) + now;
+        if self.open_bytes > OPEN_DATA_LIMIT
+            && now > 0
+            && let Some(transfer) = &mut channel.transfer
+        {
+            transfer.give_up_data();
+            self.open_bytes -= now;
+            self.overflowed = true;
         }
         finished
-    }
-
-    /// Bytes the other open transfers hold. Only asked for when this one holds a good part of the limit:
-    /// [`CHANNEL_LIMIT`] transfers below that cannot exceed it.
-    fn open_bytes_if_large(&self, index: u16) -> usize {
-        let share = OPEN_DATA_LIMIT / CHANNEL_LIMIT;
-        let mine = self.get(index).and_then(|channel| channel.transfer.as_ref());
-        if mine.is_none_or(|transfer| transfer.data.len() < share) {
-            return 0;
-        }
-        let others = self.channels.iter().enumerate().filter(|(place, _)| *place != usize::from(index));
-        others.filter_map(|(_, channel)| channel.transfer.as_ref()).map(|transfer| transfer.data.len()).sum()
     }
 }

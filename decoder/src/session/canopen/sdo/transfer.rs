@@ -41,6 +41,8 @@ pub(super) struct Transfer {
     pub(super) size: u64,
     pub(super) data: Vec<u8>,
     pub(super) truncated: bool,
+    /// The data was dropped for others; none is kept from then on.
+    pub(super) data_given_up: bool,
     /// Toggle bit the next segment should have.
     toggle: bool,
     /// The last segment was seen.
@@ -72,6 +74,7 @@ impl Transfer {
             size: 0,
             data: Vec::new(),
             truncated: false,
+            data_given_up: false,
             toggle: false,
             last_seen: false,
             blocks: None,
@@ -113,10 +116,18 @@ impl Transfer {
     /// Takes data; what is over the limit is counted only.
     pub(super) fn keep(&mut self, bytes: &[u8]) {
         self.size += bytes.len() as u64;
-        let room = TRANSFER_DATA_LIMIT.saturating_sub(self.data.len());
+        let limit = if self.data_given_up { 0 } else { TRANSFER_DATA_LIMIT };
+        let room = limit.saturating_sub(self.data.len());
         let kept = bytes.get(..room).unwrap_or(bytes);
         self.truncated |= kept.len() < bytes.len();
         self.data.extend_from_slice(kept);
+    }
+
+    /// Drops the data: what comes is counted only, so that no middle part passes for a beginning.
+    pub(super) fn give_up_data(&mut self) {
+        self.data = Vec::new();
+        self.data_given_up = true;
+        self.truncated = true;
     }
 
     /// Takes a segment. One that repeats the toggle bit of the one before is the same again.
