@@ -2,16 +2,16 @@
 
 use std::fmt::Write as _;
 
-use super::{Tone, pdo};
+use super::{Tone, emcy, pdo, sdo};
 use crate::event::{
-    BootCause, Certainty, Direction, EmcyAction, Emergency, Event, EventKind, FrameRange, Mode, Outcome,
-    PowerSign, SdoTransfer, Silence, StateCause, StateChange, Undecoded,
+    BootCause, Certainty, Event, EventKind, FrameRange, PowerSign, Silence, StateCause, StateChange,
+    Undecoded,
 };
 use crate::frame::FrameFlags;
-use crate::profile::{self, DataType, Value};
+use crate::profile;
 use crate::query::record::{can_error_text, time_of_day};
 use crate::session::Bus;
-use crate::sink::ascii::push_decimal;
+use crate::sink::ascii::{push_code, push_decimal, push_spaced_hex};
 use crate::wire::canopen::lss::Content;
 use crate::wire::canopen::nmt::NmtService;
 
@@ -33,13 +33,23 @@ impl Columns {
     pub(super) fn fill(&mut self, event: &Event, bus: &Bus) {
         self.who.clear();
         self.what.clear();
-        if let EventKind::Pdo(pdo) = &event.kind {
-            (self.kind, self.tone) = ("PDO", Tone::Plain);
-            if let Some(node) = event.node {
-                pdo::push_node(node, bus, &mut self.who);
+        // What storms are made of is written without the formatting machinery.
+        match &event.kind {
+            EventKind::Pdo(pdo) => {
+                (self.kind, self.tone) = ("PDO", Tone::Plain);
+                pdo::push_words(pdo, &mut self.what);
             }
-            return pdo::push_words(pdo, &mut self.what);
+            EventKind::Emcy(emergency) => {
+                (self.kind, self.tone) = emcy::push_words(emergency, &mut self.what);
+            }
+            _ => return self.fill_general(event, bus),
         }
+        if let Some(node) = event.node {
+            push_node(node, bus, &mut self.who);
+        }
+    }
+
+    fn fill_general(&mut self, event: &Event, bus: &Bus) {
         let words = words(event, bus);
         (self.kind, self.tone) = (words.kind, words.tone);
         self.who.extend_from_slice(words.who.as_bytes());
@@ -47,16 +57,16 @@ impl Columns {
     }
 }
 
-/// The columns of an event that is no PDO.
-struct Words {
-    who: String,
-    kind: &'static str,
-    what: String,
-    tone: Tone,
+/// The columns of an event that is neither PDO nor EMCY.
+pub(super) struct Words {
+    pub(super) who: String,
+    pub(super) kind: &'static str,
+    pub(super) what: String,
+    pub(super) tone: Tone,
 }
 
 /// Bytes of data shown in a line.
-pub(super) const SHOWN_BYTES: usize = 16;
+const SHOWN_BYTES: usize = 16;
 
 fn words(event: &Event, bus: &Bus) -> Words {
     let who = event.node.map_or(String::new(), |node| node_label(node, bus));
@@ -99,8 +109,7 @@ fn words(event: &Event, bus: &Bus) -> Words {
         EventKind::NodeBack(silence) => {
             words("BACK", format!("heard again after {} s", seconds(silence.gap)), Tone::Good)
         }
-        EventKind::Emcy(emergency) => emcy(emergency, words),
-        EventKind::SdoTransfer(transfer) => sdo(transfer, event, bus),
+        EventKind::SdoTransfer(transfer) => sdo::words(transfer, event, bus),
         EventKind::Lss { command, from_master, content } => {
             let who = if *from_master { "LSS master" } else { "LSS slave" };
             Words { who: who.into(), kind: "LSS", what: lss(*command, content), tone: Tone::Plain }
@@ -190,8 +199,19 @@ fn node_label(node: u8, bus: &Bus) -> String {
     format!("{node}/{node:02X}{}{}", if name.is_some() { " " } else { "" }, name.unwrap_or(""))
 }
 
+/// Appends `32/20 boom`.
+fn push_node(node: u8, bus: &Bus, out: &mut Vec<u8>) {
+    push_decimal(out, u64::from(node));
+    out.push(b'/');
+    push_code(out, u32::from(node), 2);
+    if let Some(name) = bus.node(node).and_then(|node| node.name()) {
+        out.push(b' ');
+        out.extend_from_slice(name.as_bytes());
+    }
+}
+
 /// `32 boom`.
-fn node_short(node: u8, bus: &Bus) -> String {
+pub(super) fn node_short(node: u8, bus: &Bus) -> String {
     let name = bus.node(node).and_then(|node| node.name());
     format!("{node}{}{}", if name.is_some() { " " } else { "" }, name.unwrap_or(""))
 }
@@ -258,147 +278,6 @@ fn lost(silence: &Silence) -> String {
     what
 }
 
-fn emcy(emergency: &Emergency, words: impl Fn(&'static str, String, Tone) -> Words) -> Words {
-    let register = emergency.register.unwrap_or(0);
-    let Some(code) = emergency.code else {
-        return words("READY", "empty EMCY message = started without error".into(), Tone::Good);
-    };
-    match emergency.action {
-        EmcyAction::NoErrorAtBoot => {
-            return words("EMCY", "0000 no error, sent at boot: no recovery".into(), Tone::Plain);
-        }
-        EmcyAction::AllCleared => return words("EMCY", "0000 no error left".into(), Tone::Good),
-        EmcyAction::Cleared => {
-            return words(
-                "EMCY",
-                format!("0000 an error went, register still {}", register_words(register)),
-                Tone::Caution,
-            );
-        }
-        EmcyAction::Raised | EmcyAction::Ready => {}
-    }
-    let text = profile::emcy_codes().find(u32::from(code)).map_or("no CiA 301 code", |entry| &entry.text);
-    let mut what = format!("{code:04X} {text}");
-    if emergency.register.is_some() {
-        let _ = write!(what, ", register {}", register_words(register));
-    }
-    let vendor = emergency.vendor.get(..usize::from(emergency.vendor_length)).unwrap_or_default();
-    if vendor.iter().any(|byte| *byte != 0) {
-        let _ = write!(what, ", vendor {}", bytes(vendor));
-    }
-    if emergency.active > 1 {
-        let _ = write!(what, ", {} active", emergency.active);
-    }
-    words("EMCY", what, Tone::Bad)
-}
-
-fn register_words(register: u8) -> String {
-    let names: Vec<_> = profile::error_register().names(u32::from(register)).collect();
-    if names.is_empty() {
-        format!("{register:02X}")
-    } else {
-        format!("{register:02X} ({})", names.join(", "))
-    }
-}
-
-fn sdo(transfer: &SdoTransfer, event: &Event, bus: &Bus) -> Words {
-    let server = event.node.map_or(String::new(), |node| node_short(node, bus));
-    let client = transfer.client.map_or("client".to_owned(), |client| node_short(client, bus));
-    let kind = match transfer.direction {
-        Some(Direction::Download) => "SDO w",
-        Some(Direction::Upload) => "SDO r",
-        None => "SDO",
-    };
-    let mut what = String::new();
-    let object = transfer.object.filter(|_| transfer.direction.is_some() || transfer.abort.is_some());
-    match object {
-        Some(object) => {
-            let _ = write!(what, "{object}");
-            if let Some(entry) = profile::communication_objects().find(object) {
-                let _ = write!(what, " {}", entry.name());
-            }
-        }
-        None => what.push_str("object not seen"),
-    }
-    let transferred =
-        transfer.outcome == Outcome::Complete || transfer.direction == Some(Direction::Download);
-    if transferred && transfer.size > 0 {
-        what.push_str(&value(transfer));
-    }
-    let tone = outcome(transfer, &mut what);
-    Words { who: format!("{client}→{server}"), kind, what, tone }
-}
-
-/// ` = 500 ms → 1000 ms`.
-fn value(transfer: &SdoTransfer) -> String {
-    let entry = transfer.object.and_then(|object| profile::communication_objects().find(object));
-    let show = |data: &[u8]| match entry {
-        Some(entry) => match entry.decode(data) {
-            Value::Bytes(data) => unknown(&data),
-            known => entry.show(&known),
-        },
-        None => unknown(data),
-    };
-    let changed = transfer.direction == Some(Direction::Download);
-    let previous =
-        transfer.previous.as_deref().filter(|previous| changed && *previous != transfer.data.as_slice());
-    let before = previous.map_or(String::new(), |previous| format!("{} → ", show(previous)));
-    let size = if transfer.size > 8 { format!(" ({} bytes)", transfer.size) } else { String::new() };
-    format!(" = {before}{}{size}", show(&transfer.data))
-}
-
-/// Bytes of unknown type; a longer run of characters is most likely a text, so it is shown as one.
-fn unknown(data: &[u8]) -> String {
-    let characters = data.trim_ascii_end().strip_suffix(b"\0").unwrap_or(data);
-    if characters.len() > 4 && characters.iter().all(|byte| byte.is_ascii_graphic() || *byte == b' ') {
-        return format!("{}?", DataType::VisibleString.decode(characters));
-    }
-    bytes(data)
-}
-
-fn outcome(transfer: &SdoTransfer, what: &mut String) -> Tone {
-    let tone = match (transfer.outcome, transfer.abort) {
-        (Outcome::Aborted, Some(abort)) => {
-            let by = if abort.by_client { "ABORTED by client" } else { "REFUSED" };
-            let _ = write!(what, " {by} {:08X}: {}", abort.code, profile::abort_codes().text(abort.code));
-            Tone::Bad
-        }
-        (Outcome::Complete | Outcome::Aborted, _) => {
-            what.push_str(" ok");
-            Tone::Plain
-        }
-        (Outcome::Timeout, _) => {
-            what.push_str(" NO ANSWER");
-            Tone::Bad
-        }
-        (Outcome::Superseded, _) => {
-            what.push_str(" given up: another one began");
-            Tone::Caution
-        }
-        (Outcome::Unfinished, _) => {
-            what.push_str(" unfinished when the capture ends");
-            Tone::Caution
-        }
-    };
-    if let Some(duration) = transfer.duration.filter(|_| transfer.frame_count > 1) {
-        let _ = write!(what, " dt={}ms", millis(duration));
-    }
-    if let Some(mode) = transfer.mode {
-        what.push_str(match mode {
-            Mode::Expedited => " exp",
-            Mode::Segmented => " seg",
-            Mode::Block => " blk",
-        });
-    }
-    if let Some(crc) = transfer.crc {
-        let _ = write!(what, " crc {}", crc.name());
-    }
-    if transfer.cut_start {
-        what.push_str(" (start not seen)");
-    }
-    tone
-}
-
 fn lss(command: u8, content: &Content) -> String {
     let title = profile::lss().title(command);
     let detail = match *content {
@@ -427,16 +306,22 @@ fn lss(command: u8, content: &Content) -> String {
     format!("{title}{detail}")
 }
 
-fn bytes(data: &[u8]) -> String {
-    let shown = data.get(..SHOWN_BYTES).unwrap_or(data);
-    let mut text = Value::Bytes(shown.to_vec()).to_string();
-    if shown.len() < data.len() {
-        text.push_str(" …");
-    }
-    text
+pub(super) fn bytes(data: &[u8]) -> String {
+    let mut out = Vec::new();
+    push_bytes(&mut out, data);
+    String::from_utf8(out).unwrap_or_default()
 }
 
-fn millis(nanoseconds: i64) -> String {
+/// Appends the first bytes of data.
+pub(super) fn push_bytes(out: &mut Vec<u8>, data: &[u8]) {
+    let shown = data.get(..SHOWN_BYTES).unwrap_or(data);
+    push_spaced_hex(out, shown);
+    if shown.len() < data.len() {
+        out.extend_from_slice(" …".as_bytes());
+    }
+}
+
+pub(super) fn millis(nanoseconds: i64) -> String {
     let micros = nanoseconds.unsigned_abs() / 1_000;
     format!("{}.{}", micros / 1_000, micros % 1_000 / 100)
 }

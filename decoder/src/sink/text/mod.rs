@@ -8,8 +8,10 @@
 //! `?` behind a value or state marks what is presumed. Repetitions are left out unless asked for.
 
 mod detail;
+mod emcy;
 mod line;
 mod pdo;
+mod sdo;
 mod time;
 
 use std::io::{self, Write};

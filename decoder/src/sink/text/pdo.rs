@@ -2,22 +2,10 @@
 
 use std::io::Write as _;
 
-use super::line::SHOWN_BYTES;
+use super::line::push_bytes;
 use crate::event::Pdo;
 use crate::profile::{PdoDirection, Signal, Value};
-use crate::session::Bus;
-use crate::sink::ascii::{push_code, push_decimal, push_integer, push_spaced_hex};
-
-/// Appends `32/20 boom`.
-pub(super) fn push_node(node: u8, bus: &Bus, out: &mut Vec<u8>) {
-    push_decimal(out, u64::from(node));
-    out.push(b'/');
-    push_code(out, u32::from(node), 2);
-    if let Some(name) = bus.node(node).and_then(|node| node.name()) {
-        out.push(b' ');
-        out.extend_from_slice(name.as_bytes());
-    }
-}
+use crate::sink::ascii::{push_code, push_decimal, push_integer};
 
 /// Appends `TPDO1 37 06: 6041:00=1591`.
 pub(super) fn push_words(pdo: &Pdo, out: &mut Vec<u8>) {
@@ -31,11 +19,7 @@ pub(super) fn push_words(pdo: &Pdo, out: &mut Vec<u8>) {
     }
     out.push(b' ');
     let payload = pdo.payload();
-    let shown = payload.get(..SHOWN_BYTES).unwrap_or(payload);
-    push_spaced_hex(out, shown);
-    if shown.len() < payload.len() {
-        out.extend_from_slice(" …".as_bytes());
-    }
+    push_bytes(out, payload);
     let Some(layout) = &pdo.layout else { return };
     let mut separator = b": ";
     for signal in layout.signals(payload) {

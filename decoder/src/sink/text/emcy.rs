@@ -1,0 +1,70 @@
+//! The words of an EMCY message.
+
+use super::Tone;
+use super::line::push_bytes;
+use crate::event::{EmcyAction, Emergency};
+use crate::profile;
+use crate::sink::ascii::{push_code, push_decimal};
+
+/// Appends what happened; gives the kind of line and its tone.
+pub(super) fn push_words(emergency: &Emergency, out: &mut Vec<u8>) -> (&'static str, Tone) {
+    let Some(code) = emergency.code else {
+        out.extend_from_slice(b"empty EMCY message = started without error");
+        return ("READY", Tone::Good);
+    };
+    let tone = match emergency.action {
+        EmcyAction::NoErrorAtBoot => {
+            out.extend_from_slice(b"0000 no error, sent at boot: no recovery");
+            Tone::Plain
+        }
+        EmcyAction::AllCleared => {
+            out.extend_from_slice(b"0000 no error left");
+            Tone::Good
+        }
+        EmcyAction::Cleared => {
+            out.extend_from_slice(b"0000 an error went, register still ");
+            push_register(emergency.register.unwrap_or(0), out);
+            Tone::Caution
+        }
+        EmcyAction::Raised | EmcyAction::Ready => {
+            push_error(code, emergency, out);
+            Tone::Bad
+        }
+    };
+    ("EMCY", tone)
+}
+
+fn push_error(code: u16, emergency: &Emergency, out: &mut Vec<u8>) {
+    let text = profile::emcy_codes().find(u32::from(code)).map_or("no CiA 301 code", |entry| &entry.text);
+    push_code(out, u32::from(code), 4);
+    out.push(b' ');
+    out.extend_from_slice(text.as_bytes());
+    if let Some(register) = emergency.register {
+        out.extend_from_slice(b", register ");
+        push_register(register, out);
+    }
+    let vendor = emergency.vendor.get(..usize::from(emergency.vendor_length)).unwrap_or_default();
+    if vendor.iter().any(|byte| *byte != 0) {
+        out.extend_from_slice(b", vendor ");
+        push_bytes(out, vendor);
+    }
+    if emergency.active > 1 {
+        out.extend_from_slice(b", ");
+        push_decimal(out, u64::from(emergency.active));
+        out.extend_from_slice(b" active");
+    }
+}
+
+/// Appends `05 (generic, voltage)`.
+fn push_register(register: u8, out: &mut Vec<u8>) {
+    push_code(out, u32::from(register), 2);
+    let mut separator: &[u8] = b" (";
+    for name in profile::error_register().names(u32::from(register)) {
+        out.extend_from_slice(separator);
+        out.extend_from_slice(name.as_bytes());
+        separator = b", ";
+    }
+    if separator == b", " {
+        out.push(b')');
+    }
+}
