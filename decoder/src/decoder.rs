@@ -109,6 +109,11 @@ impl Decoder {
         }
     }
 
+    /// Number of the last frame taken.
+    pub fn frames(&self) -> u64 {
+        self.last_frame
+    }
+
     /// Lines or records that could not be read.
     pub fn unreadable(&self) -> u64 {
         self.unreadable

@@ -3,6 +3,7 @@
 
 mod cli;
 mod docs;
+mod explain;
 mod readme;
 #[path = "../support/mod.rs"]
 mod support;

@@ -23,6 +23,14 @@ pub struct Cli {
 pub enum Command {
     /// Print what happened, one event a line
     Decode(DecodeArgs),
+    /// Say what a code, an identifier, an object or one frame means
+    ///
+    /// THING is an SDO abort code (06020000), an EMCY code (8130), an object (1018:01, 0x1018:01,
+    /// 1018h:01h, 1018sub1), a COB-ID (185) or one frame in candump's log form (701#05).
+    Explain {
+        /// What to explain
+        thing: String,
+    },
     /// Write shell completions to stdout
     Completions {
         /// Which shell

@@ -71,6 +71,18 @@ impl fmt::Display for Value {
 }
 
 impl DataType {
+    /// The standard's name: `UNSIGNED32`, `TIME_OF_DAY`.
+    pub fn name(self) -> String {
+        let mut name = String::new();
+        for letter in format!("{self:?}").chars() {
+            if letter.is_uppercase() && !name.is_empty() {
+                name.push('_');
+            }
+            name.push(letter.to_ascii_uppercase());
+        }
+        name
+    }
+
     /// Width in bits of the types that have a fixed one.
     pub const fn bits(self) -> Option<u16> {
         Some(match self {
@@ -190,6 +202,12 @@ mod tests {
         assert_eq!(DataType::Unsigned8.decode(&[5, 0, 0, 0]), Value::Unsigned(5));
         assert_eq!(DataType::Unsigned8.decode(&[5, 1]), Value::Bytes(vec![5, 1]));
         assert_eq!(DataType::Unsigned32.decode(&[5]), Value::Bytes(vec![5]));
+    }
+
+    #[test]
+    fn names_are_those_of_the_standard() {
+        assert_eq!(DataType::Unsigned32.name(), "UNSIGNED32");
+        assert_eq!(DataType::TimeOfDay.name(), "TIME_OF_DAY");
     }
 
     #[test]

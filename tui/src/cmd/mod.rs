@@ -1,6 +1,7 @@
 //! The subcommands, one a file.
 
 mod decode;
+mod explain;
 mod shell;
 
 use std::io::Write as _;
@@ -18,6 +19,7 @@ use crate::source;
 pub fn run(cli: Cli) -> Exit {
     match cli.command {
         Command::Decode(arguments) => decode::run(&arguments),
+        Command::Explain { thing } => explain::run(&thing),
         Command::Completions { shell } => shell::completions(shell),
         Command::Man => shell::man(),
     }

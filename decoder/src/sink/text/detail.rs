@@ -40,13 +40,8 @@ struct Lines<'a> {
 impl Lines<'_> {
     fn line(&mut self, key: &str, value: &str) {
         self.text.push_str("             ");
-        for part in &self.path {
-            if !part.is_empty() {
-                self.text.push_str(part);
-                self.text.push('.');
-            }
-        }
-        self.text.push_str(key);
+        let parts = self.path.iter().copied().chain([key]).filter(|part| !part.is_empty());
+        self.text.push_str(&parts.collect::<Vec<_>>().join("."));
         self.text.push_str(": ");
         self.text.push_str(&escape(value));
         self.text.push('\n');
@@ -61,7 +56,7 @@ impl Fields for Lines<'_> {
             return;
         }
         let value = match value {
-            FieldValue::Null => return,
+            FieldValue::Null | FieldValue::Bytes([]) => return,
             FieldValue::Bool(value) => value.to_string(),
             FieldValue::Unsigned(value) => value.to_string(),
             FieldValue::Integer(value) => value.to_string(),
