@@ -6,10 +6,14 @@
 mod corpus;
 mod dialects;
 mod expected;
+mod fields;
+mod filters;
 mod formats_candump;
 mod formats_pcap;
 mod formats_text;
 mod replay;
+mod sample_events;
+mod schema;
 #[path = "../support/mod.rs"]
 mod support;
 mod tidy;

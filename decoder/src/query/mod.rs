@@ -1,3 +1,21 @@
 //! Events as named fields: the one place that says which key an event has, for JSON, filters and docs.
+//!
+//! ```text
+//! text ─lexer─▶ tokens ─parser─▶ expression ─compile (fields, kinds, literal)─▶ Filter ─record─▶ yes or no
+//! ```
 
+mod compile;
+mod error;
+mod expression;
+pub mod fields;
+mod filter;
+mod kinds;
+mod lexer;
+mod literal;
+mod parser;
 pub mod record;
+
+pub use error::FilterError;
+pub use filter::{Filter, MAX_TESTS};
+pub use kinds::KindSet;
+pub use parser::{MAX_DEPTH, MAX_LENGTH};

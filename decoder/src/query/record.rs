@@ -53,11 +53,20 @@ pub trait Fields {
     fn open_list(&mut self, key: &'static str);
     /// It ends.
     fn close_list(&mut self);
+    /// Whether signals are worth computing.
+    fn wants_signals(&self) -> bool {
+        true
+    }
 }
 
 /// Tells `fields` everything about an event.
 pub fn visit(event: &Event, bus: &Bus, capture: Option<&str>, fields: &mut dyn Fields) {
     envelope(event, bus, capture, fields);
+    details(event, fields);
+}
+
+/// What depends on the kind.
+fn details(event: &Event, fields: &mut dyn Fields) {
     match &event.kind {
         EventKind::NmtCommand { service, target, from, to } => {
             fields.field("command", FieldValue::Text(service.name()));
@@ -107,8 +116,8 @@ pub fn visit(event: &Event, bus: &Bus, capture: Option<&str>, fields: &mut dyn F
     }
 }
 
-/// What every event has.
-fn envelope(event: &Event, bus: &Bus, capture: Option<&str>, fields: &mut dyn Fields) {
+/// Tells `fields` only what every kind of event has.
+pub fn envelope(event: &Event, bus: &Bus, capture: Option<&str>, fields: &mut dyn Fields) {
     fields.field("t", event.time.map_or(FieldValue::Null, |Timestamp(time)| FieldValue::Seconds(time)));
     if let Some(capture) = capture {
         fields.field("capture", FieldValue::Text(capture));
@@ -227,7 +236,9 @@ fn process_data(pdo: &Pdo, fields: &mut dyn Fields) {
         return;
     }
     fields.field("data", FieldValue::Bytes(pdo.payload()));
-    signals(pdo, fields);
+    if fields.wants_signals() {
+        signals(pdo, fields);
+    }
 }
 
 /// The values of a PDO whose layout is known: the last of its fields, behind `data`.

@@ -1,0 +1,172 @@
+//! Filters: which events are meant.
+//!
+//! The language is that of Wireshark's display filters: `== != < <= > >=`, `in {…}`, `contains`,
+//! `matches`, `&& || ! ()`, and the words `and or not eq ne lt le gt ge`. A field alone asks whether the
+//! event has it. [`super::fields`] says which fields there are, under which names.
+//!
+//! * A comparison on a field the event does not have, or has as null, is false; `!=` too.
+//! * A field with several values (`frames`, `signals.id`) matches if one of them does, with `!=` too.
+//! * `matches` takes a regular expression that may match anywhere; as in Wireshark case does not matter to
+//!   it, unless it begins with `(?-i)`. `contains` and `==` are exact.
+//! * Numbers are decimal, or hexadecimal with `0x`. Codes and identifiers want the `0x`.
+
+use std::fmt;
+use std::str::FromStr;
+
+use super::compile::{Compiled, Node, Test, compile};
+use super::error::FilterError;
+use super::expression::Expression;
+use super::kinds::KindSet;
+use super::parser::parse;
+use super::record::{self, FieldValue, Fields};
+use crate::event::Event;
+use crate::session::Bus;
+
+pub use super::compile::MAX_TESTS;
+
+/// Lists and groups within each other that fields are looked for in.
+const MAX_NESTING: usize = 4;
+
+/// Tests in a word of [`Hits`].
+const WORD: usize = 64;
+
+/// A filter, ready to be asked. Printed it is one that means the same.
+#[derive(Debug, Clone)]
+pub struct Filter {
+    written: Expression,
+    compiled: Compiled,
+}
+
+impl Filter {
+    /// Whether the event is meant; `capture` is the name output would give it.
+    pub fn matches(&self, event: &Event, bus: &Bus, capture: Option<&str>) -> bool {
+        let Compiled { tree, tests, may, must, needs_details, needs_signals } = &self.compiled;
+        if !may.contains(&event.kind) || must.contains(&event.kind) {
+            return may.contains(&event.kind);
+        }
+        let hits = Hits([0; MAX_TESTS / WORD]);
+        let mut search =
+            Search { tests, needs_signals: *needs_signals, hits, path: [""; MAX_NESTING], depth: 0 };
+        if *needs_details {
+            record::visit(event, bus, capture, &mut search);
+        } else {
+            record::envelope(event, bus, capture, &mut search);
+        }
+        search.hits.answer(tree)
+    }
+
+    /// The kinds of events it can match; all others it does not.
+    pub fn kinds(&self) -> KindSet {
+        self.compiled.may
+    }
+}
+
+/// By what is written, not by what is meant.
+impl PartialEq for Filter {
+    fn eq(&self, other: &Self) -> bool {
+        self.written == other.written
+    }
+}
+
+impl FromStr for Filter {
+    type Err = FilterError;
+
+    fn from_str(text: &str) -> Result<Self, FilterError> {
+        let written = parse(text)?;
+        let compiled = compile(text, &written)?;
+        Ok(Self { written, compiled })
+    }
+}
+
+impl fmt::Display for Filter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.written.fmt(f)
+    }
+}
+
+/// Which tests succeeded, a bit each.
+struct Hits([u64; MAX_TESTS / WORD]);
+
+impl Hits {
+    fn add(&mut self, test: usize) {
+        if let Some(word) = self.0.get_mut(test / WORD) {
+            *word |= 1 << (test % WORD);
+        }
+    }
+
+    fn has(&self, test: usize) -> bool {
+        self.0.get(test / WORD).is_some_and(|word| word >> (test % WORD) & 1 == 1)
+    }
+
+    fn answer(&self, node: &Node) -> bool {
+        match node {
+            Node::And(parts) => parts.iter().all(|part| self.answer(part)),
+            Node::Or(parts) => parts.iter().any(|part| self.answer(part)),
+            Node::Not(inner) => !self.answer(inner),
+            Node::Test(test) => self.has(*test),
+        }
+    }
+}
+
+/// Looks for the fields of the tests among all that an event tells.
+struct Search<'a> {
+    tests: &'a [Test],
+    needs_signals: bool,
+    hits: Hits,
+    path: [&'static str; MAX_NESTING],
+    depth: usize,
+}
+
+impl Search<'_> {
+    fn told(&mut self, key: &'static str, accepts: impl Fn(&Test, &str) -> bool) {
+        let Some(path) = self.path.get(..self.depth) else { return };
+        for (number, test) in self.tests.iter().enumerate() {
+            if test.keys().any(|wanted| is_at(wanted, path, key) && accepts(test, wanted)) {
+                self.hits.add(number);
+            }
+        }
+    }
+
+    fn enter(&mut self, key: &'static str) {
+        self.told(key, |test, wanted| test.accepts_group(wanted));
+        if let Some(slot) = self.path.get_mut(self.depth) {
+            *slot = key;
+        }
+        self.depth += 1;
+    }
+}
+
+/// Whether the dotted key `wanted` is `key` at this path; items of lists have no name of their own.
+fn is_at(wanted: &str, path: &[&'static str], key: &str) -> bool {
+    if !wanted.ends_with(key) {
+        return false;
+    }
+    let named = path.iter().copied().chain(std::iter::once(key)).filter(|part| !part.is_empty());
+    named.eq(wanted.split('.'))
+}
+
+impl Fields for Search<'_> {
+    fn field(&mut self, key: &'static str, value: FieldValue<'_>) {
+        self.told(key, |test, wanted| test.accepts(wanted, &value));
+    }
+
+    fn open(&mut self, key: &'static str) {
+        self.enter(key);
+    }
+
+    fn close(&mut self) {
+        self.depth = self.depth.saturating_sub(1);
+    }
+
+    fn open_list(&mut self, key: &'static str) {
+        self.enter(key);
+    }
+
+    fn close_list(&mut self) {
+        self.depth = self.depth.saturating_sub(1);
+    }
+
+    fn wants_signals(&self) -> bool {
+        self.needs_signals
+    }
+}

@@ -1,0 +1,142 @@
+//! Sets of event kinds: what a filter can match at all, and which kinds have a field.
+
+use serde::de::{Deserialize, Deserializer, Error as _};
+
+use crate::event::EventKind;
+
+/// Names of all kinds; a kind's place here is its number in a [`KindSet`].
+const NAMES: [&str; 25] = [
+    "nmt-command",
+    "nmt-state",
+    "boot-up",
+    "heartbeat",
+    "guard-request",
+    "guard-reply",
+    "node-lost",
+    "node-back",
+    "sync",
+    "time",
+    "emcy",
+    "pdo",
+    "sdo-transfer",
+    "lss",
+    "node-id-change",
+    "object-change",
+    "can-error",
+    "frame",
+    "malformed",
+    "evicted",
+    "clock-step",
+    "bus-silent",
+    "lost-frames",
+    "unreadable",
+    "note",
+];
+
+/// Place in [`NAMES`]. A new kind does not compile before it has one.
+const fn number(kind: &EventKind) -> u32 {
+    match kind {
+        EventKind::NmtCommand { .. } => 0,
+        EventKind::NmtState(_) => 1,
+        EventKind::BootUp { .. } => 2,
+        EventKind::Heartbeat { .. } => 3,
+        EventKind::GuardRequest => 4,
+        EventKind::GuardReply { .. } => 5,
+        EventKind::NodeLost(_) => 6,
+        EventKind::NodeBack(_) => 7,
+        EventKind::Sync { .. } => 8,
+        EventKind::Time { .. } => 9,
+        EventKind::Emcy(_) => 10,
+        EventKind::Pdo(_) => 11,
+        EventKind::SdoTransfer(_) => 12,
+        EventKind::Lss { .. } => 13,
+        EventKind::NodeIdChange { .. } => 14,
+        EventKind::ObjectChange(_) => 15,
+        EventKind::CanError(_) => 16,
+        EventKind::Frame(_) => 17,
+        EventKind::Malformed { .. } => 18,
+        EventKind::Evicted { .. } => 19,
+        EventKind::ClockStep { .. } => 20,
+        EventKind::BusSilent { .. } => 21,
+        EventKind::LostFrames { .. } => 22,
+        EventKind::Unreadable { .. } => 23,
+        EventKind::Note { .. } => 24,
+    }
+}
+
+/// A set of event kinds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct KindSet(u32);
+
+impl KindSet {
+    /// No kind.
+    pub const NONE: Self = Self(0);
+    /// Every kind.
+    pub const ALL: Self = Self((1 << NAMES.len()) - 1);
+
+    /// The kinds whose names `pick` likes.
+    pub fn by_name(pick: impl Fn(&str) -> bool) -> Self {
+        let picked = NAMES.iter().enumerate().filter(|(_, name)| pick(name));
+        Self(picked.fold(0, |set, (number, _)| set | 1 << number))
+    }
+
+    /// Whether an event is of one of these kinds.
+    pub const fn contains(self, kind: &EventKind) -> bool {
+        self.0 >> number(kind) & 1 == 1
+    }
+
+    /// Whether the kind of this name is one of them.
+    pub fn contains_name(self, name: &str) -> bool {
+        self.names().any(|own| own == name)
+    }
+
+    /// Names of the kinds.
+    pub fn names(self) -> impl Iterator<Item = &'static str> {
+        NAMES.iter().enumerate().filter(move |(number, _)| self.0 >> number & 1 == 1).map(|(_, name)| *name)
+    }
+
+    /// The kinds of either set.
+    #[must_use]
+    pub const fn or(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
+    /// The kinds of both sets.
+    #[must_use]
+    pub const fn and(self, other: Self) -> Self {
+        Self(self.0 & other.0)
+    }
+
+    /// All other kinds.
+    #[must_use]
+    pub const fn complement(self) -> Self {
+        Self(!self.0 & Self::ALL.0)
+    }
+}
+
+/// A list of names.
+impl<'de> Deserialize<'de> for KindSet {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let names = Vec::<String>::deserialize(deserializer)?;
+        match names.iter().find(|name| !NAMES.contains(&name.as_str())) {
+            Some(unknown) => Err(D::Error::custom(format!("there is no kind {unknown:?}"))),
+            None => Ok(Self::by_name(|name| names.iter().any(|own| own == name))),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn set_arithmetic() {
+        let some = KindSet::by_name(|name| name.starts_with("node-"));
+        assert_eq!(some.names().collect::<Vec<_>>(), ["node-lost", "node-back", "node-id-change"]);
+        assert!(!some.complement().contains_name("node-lost"));
+        assert!(some.complement().contains(&EventKind::GuardRequest));
+        assert_eq!(some.or(some.complement()), KindSet::ALL);
+        assert_eq!(some.and(some.complement()), KindSet::NONE);
+        assert_eq!(KindSet::ALL.names().count(), NAMES.len());
+    }
+}

@@ -1,0 +1,263 @@
+//! The words and signs of a filter.
+
+use std::ops::Range;
+
+use super::error::FilterError;
+use super::expression::{Operand, Relation};
+
+/// One word or sign.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Token {
+    /// A field name or a value; `..` splits words.
+    Word(Operand),
+    /// `==`, `eq` and their like.
+    Relation(Relation),
+    /// `contains`.
+    Contains,
+    /// `matches`.
+    Matches,
+    /// `in`.
+    In,
+    /// `&&`, `and`.
+    And,
+    /// `||`, `or`.
+    Or,
+    /// `!`, `not`.
+    Not,
+    /// `(`
+    Open,
+    /// `)`
+    Close,
+    /// `{`
+    OpenSet,
+    /// `}`
+    CloseSet,
+    /// `,`
+    Comma,
+    /// `..`
+    Range,
+    /// Nothing more.
+    End,
+}
+
+/// A token and its place.
+pub(super) type Placed = (Token, Range<usize>);
+
+/// Signs, longer ones first.
+const SIGNS: &[(&str, Token)] = &[
+    ("==", Token::Relation(Relation::Equal)),
+    ("!=", Token::Relation(Relation::NotEqual)),
+    ("<=", Token::Relation(Relation::LessOrEqual)),
+    (">=", Token::Relation(Relation::GreaterOrEqual)),
+    ("&&", Token::And),
+    ("||", Token::Or),
+    ("..", Token::Range),
+    ("<", Token::Relation(Relation::Less)),
+    (">", Token::Relation(Relation::Greater)),
+    ("!", Token::Not),
+    ("(", Token::Open),
+    (")", Token::Close),
+    ("{", Token::OpenSet),
+    ("}", Token::CloseSet),
+    (",", Token::Comma),
+];
+
+/// Words that are signs; as values they stand in quotes.
+const WORDS: &[(&str, Token)] = &[
+    ("and", Token::And),
+    ("or", Token::Or),
+    ("not", Token::Not),
+    ("in", Token::In),
+    ("contains", Token::Contains),
+    ("matches", Token::Matches),
+    ("eq", Token::Relation(Relation::Equal)),
+    ("ne", Token::Relation(Relation::NotEqual)),
+    ("lt", Token::Relation(Relation::Less)),
+    ("le", Token::Relation(Relation::LessOrEqual)),
+    ("gt", Token::Relation(Relation::Greater)),
+    ("ge", Token::Relation(Relation::GreaterOrEqual)),
+];
+
+/// Splits a filter; the last token is [`Token::End`].
+pub(super) fn tokens(text: &str) -> Result<Vec<Placed>, FilterError> {
+    let mut lexer = Lexer { text, at: 0 };
+    let mut all = Vec::new();
+    loop {
+        let placed = lexer.next()?;
+        let is_end = placed.0 == Token::End;
+        all.push(placed);
+        if is_end {
+            return Ok(all);
+        }
+    }
+}
+
+struct Lexer<'a> {
+    text: &'a str,
+    at: usize,
+}
+
+impl<'a> Lexer<'a> {
+    fn rest(&self) -> &'a str {
+        self.text.get(self.at..).unwrap_or_default()
+    }
+
+    fn next(&mut self) -> Result<Placed, FilterError> {
+        let rest = self.rest();
+        self.at += rest.len() - rest.trim_start().len();
+        let (start, rest) = (self.at, self.rest());
+        let Some(first) = rest.chars().next() else { return Ok((Token::End, start..start)) };
+        if let Some(text) = rest.strip_prefix("r\"") {
+            self.at += 2;
+            return self.raw(text, start);
+        }
+        if first == '"' {
+            self.at += 1;
+            return self.quoted(start);
+        }
+        if let Some((sign, token)) = SIGNS.iter().find(|(sign, _)| rest.starts_with(sign)) {
+            self.at += sign.len();
+            return Ok((token.clone(), start..self.at));
+        }
+        let length = word_length(rest);
+        if length == 0 {
+            let end = start + first.len_utf8();
+            return Err(FilterError::new(self.text, start..end, unexpected(first)));
+        }
+        self.at += length;
+        let word = rest.get(..length).unwrap_or_default();
+        let token = WORDS.iter().find(|(name, _)| *name == word).map(|(_, token)| token.clone());
+        let token = token.unwrap_or_else(|| Token::Word(Operand::word(word, start..self.at)));
+        Ok((token, start..self.at))
+    }
+
+    /// `r"…"`: as it stands up to the next quote.
+    fn raw(&mut self, rest: &str, start: usize) -> Result<Placed, FilterError> {
+        let Some((text, _)) = rest.split_once('"') else { return Err(self.unclosed(start)) };
+        self.at += text.len() + 1;
+        Ok((Token::Word(Operand::quoted(text.to_owned(), start..self.at)), start..self.at))
+    }
+
+    /// `"…"` with `\"`, `\\`, `\n`, `\r`, `\t`, `\xHH`.
+    fn quoted(&mut self, start: usize) -> Result<Placed, FilterError> {
+        let mut text = String::new();
+        loop {
+            let at = self.at;
+            let Some(letter) = self.letter() else { return Err(self.unclosed(start)) };
+            match letter {
+                '"' => return Ok((Token::Word(Operand::quoted(text, start..self.at)), start..self.at)),
+                '\\' => match self.escaped() {
+                    Some(letter) => text.push(letter),
+                    None => {
+                        let reason = "the escapes are \\\\ \\\" \\n \\r \\t and \\x00 to \\x7F; \
+                                      r\"…\" takes everything as it stands";
+                        return Err(FilterError::new(self.text, at..self.at, reason));
+                    }
+                },
+                _ => text.push(letter),
+            }
+        }
+    }
+
+    fn letter(&mut self) -> Option<char> {
+        let letter = self.rest().chars().next()?;
+        self.at += letter.len_utf8();
+        Some(letter)
+    }
+
+    fn escaped(&mut self) -> Option<char> {
+        match self.letter()? {
+            letter @ ('"' | '\\') => Some(letter),
+            'n' => Some('\n'),
+            'r' => Some('\r'),
+            't' => Some('\t'),
+            'x' => {
+                let digits = self.rest().get(..2).filter(|two| two.bytes().all(|b| b.is_ascii_hexdigit()))?;
+                self.at += 2;
+                u8::from_str_radix(digits, 16).ok().filter(u8::is_ascii).map(char::from)
+            }
+            _ => None,
+        }
+    }
+
+    fn unclosed(&self, start: usize) -> FilterError {
+        FilterError::new(self.text, start..self.text.len(), "the closing quote is missing")
+    }
+}
+
+/// Bytes of the word `text` begins with.
+fn word_length(text: &str) -> usize {
+    let belongs = |letter: char| letter.is_alphanumeric() || matches!(letter, '_' | '-' | '.' | ':');
+    let length = text.find(|letter| !belongs(letter)).unwrap_or(text.len());
+    let word = text.get(..length).unwrap_or_default();
+    word.find("..").unwrap_or(length)
+}
+
+fn unexpected(letter: char) -> String {
+    match letter {
+        '=' => "write == to compare".into(),
+        '&' => "write && or and".into(),
+        '|' => "write || or or".into(),
+        '~' => "write matches".into(),
+        '\'' => "texts stand in double quotes".into(),
+        _ => format!("'{letter}' has no meaning here; texts stand in double quotes"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn kinds(text: &str) -> Vec<Token> {
+        tokens(text).unwrap().into_iter().map(|(token, _)| token).collect()
+    }
+
+    fn word(text: &str) -> Token {
+        Token::Word(Operand::word(text, 0..0))
+    }
+
+    #[test]
+    fn words_need_no_spaces_around_signs() {
+        let equal = Token::Relation(Relation::Equal);
+        assert_eq!(
+            kinds("node==-5&&!x"),
+            [word("node"), equal, word("-5"), Token::And, Token::Not, word("x"), Token::End]
+        );
+    }
+
+    #[test]
+    fn two_dots_split_words() {
+        let expected = [
+            Token::OpenSet,
+            word("0x100"),
+            Token::Range,
+            word("0x1FF"),
+            word("1.5"),
+            Token::CloseSet,
+            Token::End,
+        ];
+        assert_eq!(kinds("{0x100..0x1FF 1.5}"), expected);
+    }
+
+    #[test]
+    fn quoted_texts() {
+        let text = |text: &str| match tokens(text).map(|all| all[0].0.clone()) {
+            Ok(Token::Word(operand)) => Ok(operand.text),
+            Ok(other) => panic!("{other:?}"),
+            Err(error) => Err(error.at()),
+        };
+        assert_eq!(text(r#""a\"b\\\n\x41""#), Ok("a\"b\\\nA".into()));
+        assert_eq!(text(r#"r"\d+""#), Ok(r"\d+".into()));
+        assert_eq!(text(r#""\d""#), Err(1..3));
+        assert_eq!(text(r#""\xFF""#), Err(1..5));
+        assert_eq!(text(r#""abc"#), Err(0..4));
+        assert_eq!(text(r#"r"abc"#), Err(0..5));
+    }
+
+    #[test]
+    fn places_are_bytes() {
+        let places: Vec<_> = tokens("ä in").unwrap().into_iter().map(|(_, at)| at).collect();
+        assert_eq!(places, [0..2, 3..5, 5..5]);
+        assert_eq!(tokens("a = 1").unwrap_err().at(), 2..3);
+    }
+}

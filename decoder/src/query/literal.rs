@@ -1,0 +1,344 @@
+//! The values in a filter: texts read as what the field needs, and compared with what an event tells.
+
+use std::cmp::Ordering;
+
+use super::expression::Operand;
+use super::fields::{FieldType, Target, nearest};
+use super::record::FieldValue;
+use crate::wire::canopen::ObjectAddress;
+
+/// Nanoseconds, and parts of a number compared exactly.
+const SCALE: i128 = 1_000_000_000;
+
+/// Digits behind the point that [`SCALE`] holds.
+const SCALE_DIGITS: usize = 9;
+
+/// A number as written: exact with up to nine digits behind the point, else the nearest `f64`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Number {
+    /// Multiplied by [`SCALE`].
+    scaled: Option<i128>,
+    real: f64,
+}
+
+/// A value, as everything its field may need.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Literal {
+    number: Option<Number>,
+    truth: Option<bool>,
+    object: Option<ObjectAddress>,
+    bytes: Option<Vec<u8>>,
+    text: Option<String>,
+}
+
+impl Literal {
+    /// Reads `operand` as a value of `target`.
+    ///
+    /// # Errors
+    /// The reason why it cannot be one.
+    pub(super) fn read(operand: &Operand, target: Target) -> Result<Self, String> {
+        let needed = target.value();
+        let is_word = !operand.is_quoted;
+        let text = operand.text.as_str();
+        let mut literal = Self::default();
+        match needed {
+            FieldType::Any => {
+                literal.number = is_number(operand).then(|| number(text)).flatten();
+                literal.bytes = data(operand);
+                literal.text = Some(text.to_owned());
+            }
+            FieldType::Bool => {
+                literal.truth = match text {
+                    "true" | "1" => Some(true),
+                    "false" | "0" => Some(false),
+                    _ => None,
+                };
+            }
+            FieldType::Unsigned | FieldType::Integer | FieldType::Real | FieldType::Seconds => {
+                literal.number = is_number(operand).then(|| number(text)).flatten();
+            }
+            FieldType::Code | FieldType::Id if is_word => literal.number = Some(code(text)?),
+            FieldType::Object if is_word => literal.object = Some(object(text)?),
+            FieldType::Bytes => literal.bytes = data(operand),
+            FieldType::Text => literal.text = Some(text.to_owned()),
+            FieldType::Code | FieldType::Id | FieldType::Object | FieldType::Group => {}
+        }
+        if literal == Self::default() {
+            return Err(format!("{} is {}; '{text}' is not", target.field.key, needed.name()));
+        }
+        literal.check_values(target)?;
+        Ok(literal)
+    }
+
+    /// Reads `operand` as something to be found within a value of `target`.
+    ///
+    /// # Errors
+    /// The reason why nothing can be found there.
+    pub(super) fn read_part(operand: &Operand, target: Target) -> Result<Self, String> {
+        let text = || Some(operand.text.clone());
+        match target.value() {
+            FieldType::Text => Ok(Self { text: text(), ..Self::default() }),
+            FieldType::Any => Ok(Self { text: text(), bytes: data(operand), ..Self::default() }),
+            FieldType::Bytes => match data(operand) {
+                Some(bytes) => Ok(Self { bytes: Some(bytes), ..Self::default() }),
+                None => Err(format!("'{}' is no bytes; write them as DE:AD", operand.text)),
+            },
+            other => Err(format!("contains wants text or bytes; {} is {}", target.field.key, other.name())),
+        }
+    }
+
+    /// Where a field has a fixed list of texts, others are slips.
+    fn check_values(&self, target: Target) -> Result<(), String> {
+        let key = target.field.key.as_str();
+        let values: Vec<&str> = if key == "kind" {
+            target.field.kinds.names().collect()
+        } else {
+            target.field.values.iter().map(String::as_str).collect()
+        };
+        let Some(text) = self.text.as_deref() else { return Ok(()) };
+        if values.is_empty() || values.contains(&text) || self.number.is_some() {
+            return Ok(());
+        }
+        let hint = match nearest(text, values.iter().copied()) {
+            Some(value) => format!("did you mean {value}?"),
+            None => format!("there are {}", values.join(", ")),
+        };
+        Err(format!("{key} is never '{text}'; {hint}"))
+    }
+
+    /// How what an event tells compares to this; nothing if it is of another type.
+    pub(super) fn order(&self, told: &FieldValue<'_>) -> Option<Ordering> {
+        match *told {
+            FieldValue::Null => None,
+            FieldValue::Bool(told) => self.truth.map(|truth| told.cmp(&truth)),
+            FieldValue::Unsigned(told) => self.number?.order(i128::from(told) * SCALE),
+            FieldValue::Code(told, _) => self.number?.order(i128::from(told) * SCALE),
+            FieldValue::Integer(told) => self.number?.order(i128::from(told) * SCALE),
+            FieldValue::Id(id) => self.number?.order(i128::from(id.number()) * SCALE),
+            FieldValue::Seconds(told) => self.number?.order(i128::from(told)),
+            FieldValue::Real(told) => told.partial_cmp(&self.number?.real),
+            FieldValue::Text(told) => self.text.as_deref().map(|text| told.cmp(text)),
+            FieldValue::Object(told) => self.object.map(|object| told.cmp(&object)),
+            FieldValue::Bytes(told) => self.bytes.as_deref().map(|bytes| told.cmp(bytes)),
+        }
+    }
+
+    /// Whether what an event tells has this within it.
+    pub(super) fn is_within(&self, told: &FieldValue<'_>) -> bool {
+        match *told {
+            FieldValue::Text(told) => self.text.as_deref().is_some_and(|text| told.contains(text)),
+            FieldValue::Bytes(told) => self.bytes.as_deref().is_some_and(|bytes| has_within(told, bytes)),
+            _ => false,
+        }
+    }
+}
+
+fn has_within(data: &[u8], part: &[u8]) -> bool {
+    memchr::memmem::find(data, part).is_some()
+}
+
+fn is_number(operand: &Operand) -> bool {
+    !operand.is_quoted
+}
+
+/// `12`, `-3`, `0x1F`, `1.5`, `2e3`.
+fn number(text: &str) -> Option<Number> {
+    let (is_negative, digits) = match text.strip_prefix('-') {
+        Some(digits) => (true, digits),
+        None => (false, text),
+    };
+    let sign = if is_negative { -1 } else { 1 };
+    if let Some(hex) = digits.strip_prefix("0x").or_else(|| digits.strip_prefix("0X")) {
+        let value = i128::from(hex_number(hex)?) * sign;
+        return Some(Number::whole(value));
+    }
+    if !digits.starts_with(|first: char| first.is_ascii_digit()) {
+        return None;
+    }
+    let real: f64 = text.parse().ok()?;
+    let scaled = scaled(digits).map(|value| value * sign);
+    Some(Number { scaled, real })
+}
+
+fn hex_number(digits: &str) -> Option<u64> {
+    let is_hex = digits.bytes().all(|digit| digit.is_ascii_hexdigit());
+    if is_hex { u64::from_str_radix(digits, 16).ok() } else { None }
+}
+
+/// Digits with at most nine behind the point, times [`SCALE`].
+fn scaled(digits: &str) -> Option<i128> {
+    let (whole, fraction) = digits.split_once('.').unwrap_or((digits, ""));
+    let is_plain = whole.bytes().chain(fraction.bytes()).all(|digit| digit.is_ascii_digit());
+    if !is_plain || fraction.len() > SCALE_DIGITS {
+        return None;
+    }
+    format!("{whole}{fraction:0<SCALE_DIGITS$}").parse().ok()
+}
+
+impl Number {
+    fn whole(value: i128) -> Self {
+        #[expect(clippy::cast_precision_loss, reason = "the nearest is meant")]
+        let real = value as f64;
+        Self { scaled: Some(value * SCALE), real }
+    }
+
+    /// How a number multiplied by [`SCALE`] compares to this.
+    fn order(self, told: i128) -> Option<Ordering> {
+        #[expect(clippy::cast_precision_loss, reason = "only where the literal is no more exact")]
+        let real = || told as f64 / SCALE as f64;
+        match self.scaled {
+            Some(own) => Some(told.cmp(&own)),
+            None => real().partial_cmp(&self.real),
+        }
+    }
+}
+
+/// `0x8130`, `8130h`. Digits alone only where they mean the same in decimal and in hex: all other output
+/// writes codes and identifiers in hex, and a filter read the other way would silently find nothing.
+fn code(text: &str) -> Result<Number, String> {
+    let by_suffix = || text.strip_suffix(['h', 'H']).and_then(hex_number);
+    if let Some(value) = by_suffix() {
+        return Ok(Number::whole(i128::from(value)));
+    }
+    let is_marked = text.starts_with("0x") || text.starts_with("0X");
+    match (number(text), hex_number(text)) {
+        (Some(number), _) if is_marked => Ok(number),
+        (Some(number), Some(hex)) if number == Number::whole(i128::from(hex)) => Ok(number),
+        (Some(Number { scaled: Some(scaled), .. }), Some(hex)) => {
+            let decimal = scaled / SCALE;
+            Err(format!("decimal or hexadecimal? Write 0x{hex:X}, or 0x{decimal:X} if decimal was meant"))
+        }
+        (_, Some(hex)) => Err(format!("write 0x{hex:X}")),
+        _ => Err(format!("'{text}' is no number; write it as 0x8130")),
+    }
+}
+
+/// `0x1018:01`, `1018:01`, `1018h:01h`, `1018sub1`: always hexadecimal.
+fn object(text: &str) -> Result<ObjectAddress, String> {
+    let lower = text.to_ascii_lowercase();
+    let hex = |text: &str| {
+        let digits = text.strip_prefix("0x").unwrap_or(text);
+        hex_number(digits.strip_suffix('h').unwrap_or(digits))
+    };
+    let (index, sub) = match lower.split_once(':').or_else(|| lower.split_once("sub")) {
+        Some((index, sub)) => (hex(index), hex(sub)),
+        None => {
+            let whole = hex(&lower).map(|index| format!("0x{index:04X}"));
+            let index = whole.unwrap_or_else(|| "0x1018".into());
+            return Err(format!(
+                "an object is index and sub-index: {index}:00; for all sub-indexes ask for .index"
+            ));
+        }
+    };
+    let index = index.and_then(|index| u16::try_from(index).ok());
+    let sub = sub.and_then(|sub| u8::try_from(sub).ok());
+    match (index, sub) {
+        (Some(index), Some(sub)) => Ok(ObjectAddress::new(index, sub)),
+        _ => Err(format!("'{text}' is no object; write it as 0x1018:01")),
+    }
+}
+
+/// `DEADBEEF`, `de:ad:be:ef`, `0xDEAD`; in quotes the text's own bytes.
+fn data(operand: &Operand) -> Option<Vec<u8>> {
+    if operand.is_quoted {
+        return Some(operand.text.clone().into_bytes());
+    }
+    let text = operand.text.strip_prefix("0x").unwrap_or(&operand.text);
+    let digits: Vec<u8> = text.bytes().filter(|letter| !matches!(letter, b':' | b'-' | b'.')).collect();
+    let mut pairs = digits.chunks_exact(2);
+    let bytes = pairs.by_ref().map(|pair| {
+        let pair = std::str::from_utf8(pair).ok()?;
+        hex_number(pair).and_then(|byte| u8::try_from(byte).ok())
+    });
+    let bytes: Option<Vec<u8>> = bytes.collect();
+    bytes.filter(|bytes| !bytes.is_empty() && digits.len().is_multiple_of(2))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::CanId;
+    use crate::query::fields::resolve;
+
+    fn read(field: &str, text: &str) -> Result<Literal, String> {
+        Literal::read(&Operand::word(text, 0..0), resolve(field)[0])
+    }
+
+    fn order(field: &str, text: &str, told: FieldValue<'_>) -> Option<Ordering> {
+        read(field, text).unwrap().order(&told)
+    }
+
+    #[test]
+    fn numbers_compare_exactly() {
+        use Ordering::{Equal, Greater, Less};
+        assert_eq!(order("size", "0x10", FieldValue::Unsigned(16)), Some(Equal));
+        assert_eq!(order("size", "-1", FieldValue::Unsigned(0)), Some(Greater));
+        assert_eq!(order("size", "2.5", FieldValue::Unsigned(2)), Some(Less));
+        assert_eq!(order("size", "18446744073709551615", FieldValue::Unsigned(u64::MAX)), Some(Equal));
+        assert_eq!(order("size", "18446744073709551615", FieldValue::Unsigned(u64::MAX - 1)), Some(Less));
+        assert_eq!(order("size", "1e3", FieldValue::Unsigned(1_000)), Some(Equal));
+        let told = FieldValue::Seconds(1_700_000_000_020_000_001);
+        assert_eq!(order("t", "1700000000.020000001", told), Some(Equal));
+        assert_eq!(order("t", "1700000000.02", told), Some(Greater));
+        assert_eq!(order("value", "-0.5", FieldValue::Real(-0.5)), Some(Equal));
+        assert_eq!(order("value", "1", FieldValue::Real(f64::NAN)), None);
+        assert_eq!(order("value", "5", FieldValue::Text("5")), Some(Equal));
+        for text in ["", "-", "x", "0x", "1x", "inf", "nan", "1..2", "--1", "1e", "+1"] {
+            assert_eq!(number(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn codes_and_identifiers_must_say_that_they_are_hexadecimal() {
+        use Ordering::Equal;
+        for text in ["0x8130", "0X8130", "8130h"] {
+            assert_eq!(order("code", text, FieldValue::Code(0x8130, 4)), Some(Equal), "{text}");
+        }
+        assert_eq!(order("cob_id", "0x181", FieldValue::Id(CanId::standard(0x181))), Some(Equal));
+        assert_eq!(order("object.sub", "7", FieldValue::Code(7, 2)), Some(Equal));
+        assert_eq!(
+            read("code", "8130").unwrap_err(),
+            "decimal or hexadecimal? Write 0x8130, or 0x1FC2 if decimal was meant"
+        );
+        assert_eq!(read("code", "FF01").unwrap_err(), "write 0xFF01");
+        assert_eq!(read("code", "raised").unwrap_err(), "'raised' is no number; write it as 0x8130");
+    }
+
+    #[test]
+    fn objects_in_all_four_notations() {
+        for text in ["0x1018:01", "1018:01", "1018:1", "1018h:01h", "1018sub1", "1018SUB1", "0x1018:0x01"] {
+            assert_eq!(object(text), Ok(ObjectAddress::new(0x1018, 1)), "{text}");
+        }
+        assert_eq!(object("1018subA"), Ok(ObjectAddress::new(0x1018, 10)));
+        assert!(object("1018").unwrap_err().contains("0x1018:00"));
+        for text in ["", ":", "1018:", "11018:01", "1018:100", "x:1", "1018:01:02", "-1018:01"] {
+            assert!(object(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn bytes() {
+        let word = |text| data(&Operand::word(text, 0..0));
+        assert_eq!(word("dead"), Some(vec![0xDE, 0xAD]));
+        assert_eq!(word("de:AD"), Some(vec![0xDE, 0xAD]));
+        assert_eq!(word("0x00"), Some(vec![0]));
+        assert_eq!(word("dea"), None);
+        assert_eq!(word("-"), None);
+        assert_eq!(word("xy"), None);
+        assert_eq!(word("öö"), None);
+        assert_eq!(data(&Operand::quoted("ab".into(), 0..0)), Some(vec![b'a', b'b']));
+    }
+
+    #[test]
+    fn texts_that_never_come_are_slips() {
+        assert_eq!(read("kind", "emcyy").unwrap_err(), "kind is never 'emcyy'; did you mean emcy?");
+        assert_eq!(read("kind", "sdo").unwrap_err(), "kind is never 'sdo'; did you mean sdo-transfer?");
+        assert_eq!(
+            read("crc", "broken").unwrap_err(),
+            "crc is never 'broken'; there are correct, wrong, not-used, unchecked"
+        );
+        assert!(read("bus", "whatever").is_ok());
+        assert_eq!(read("node", "master").unwrap_err(), "node is a number; 'master' is not");
+        assert!(read("signals", "1").is_err());
+    }
+}

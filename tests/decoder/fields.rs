@@ -1,0 +1,124 @@
+//! The field table against what events tell.
+
+use std::collections::BTreeSet;
+
+use cobscope_decoder::query::KindSet;
+use cobscope_decoder::query::fields::{Field, FieldType, table};
+use cobscope_decoder::query::record::{FieldValue, Fields, visit};
+
+use crate::sample_events;
+
+/// Holds what is told to the table.
+struct Check {
+    kind: &'static str,
+    path: Vec<&'static str>,
+    told: BTreeSet<(String, &'static str)>,
+}
+
+impl Check {
+    fn find(&mut self, key: &'static str) -> &'static Field {
+        let parts = self.path.iter().copied().chain([key]).filter(|part| !part.is_empty());
+        let key = parts.collect::<Vec<_>>().join(".");
+        let mut fields = table().fields.iter();
+        let found = fields.find(|field| field.key == key && field.kinds.contains_name(self.kind));
+        let Some(field) = found else { panic!("{} tells {key}, which the table does not have", self.kind) };
+        self.told.insert((key, self.kind));
+        field
+    }
+
+    fn enter(&mut self, key: &'static str, is_list: bool) {
+        if !key.is_empty() {
+            let field = self.find(key);
+            assert_eq!(field.list, is_list, "{}", field.key);
+            assert!(is_list || field.value == FieldType::Group, "{}", field.key);
+        }
+        self.path.push(key);
+    }
+}
+
+impl Fields for Check {
+    fn field(&mut self, key: &'static str, value: FieldValue<'_>) {
+        let field = self.find(key);
+        assert_eq!(field.list, key.is_empty(), "{}", field.key);
+        let told = match value {
+            FieldValue::Null => {
+                assert!(field.null, "{} of {} is null", field.key, self.kind);
+                return;
+            }
+            FieldValue::Bool(_) => FieldType::Bool,
+            FieldValue::Unsigned(_) => FieldType::Unsigned,
+            FieldValue::Integer(_) => FieldType::Integer,
+            FieldValue::Real(_) => FieldType::Real,
+            FieldValue::Text(text) => {
+                let is_value = field.values.is_empty() || field.values.iter().any(|value| value == text);
+                assert!(is_value, "{} of {} is {text}", field.key, self.kind);
+                FieldType::Text
+            }
+            FieldValue::Seconds(_) => FieldType::Seconds,
+            FieldValue::Code(..) => FieldType::Code,
+            FieldValue::Id(_) => FieldType::Id,
+            FieldValue::Object(_) => FieldType::Object,
+            FieldValue::Bytes(_) => FieldType::Bytes,
+        };
+        assert!(field.value == told || field.value == FieldType::Any, "{} is told as {told:?}", field.key);
+    }
+
+    fn open(&mut self, key: &'static str) {
+        self.enter(key, false);
+    }
+
+    fn close(&mut self) {
+        self.path.pop();
+    }
+
+    fn open_list(&mut self, key: &'static str) {
+        self.enter(key, true);
+    }
+
+    fn close_list(&mut self) {
+        self.path.pop();
+    }
+}
+
+#[test]
+fn every_field_told_is_in_the_table_and_every_field_of_the_table_is_told() {
+    let bus = sample_events::bus();
+    let mut check = Check { kind: "", path: Vec::new(), told: BTreeSet::new() };
+    for event in sample_events::all() {
+        check.kind = event.kind.name();
+        visit(&event, &bus, Some("a.log"), &mut check);
+    }
+    let described = table().fields.iter().flat_map(|field| {
+        let of_kinds = field.kinds.names();
+        of_kinds.map(|kind| (field.key.clone(), kind))
+    });
+    let never: Vec<_> = described.filter(|pair| !check.told.contains(pair)).collect();
+    assert!(never.is_empty(), "never told: {never:?}");
+}
+
+#[test]
+fn kinds_are_numbered_as_they_are_named() {
+    for event in sample_events::all() {
+        let own = KindSet::by_name(|name| name == event.kind.name());
+        assert!(own.contains(&event.kind), "{}", event.kind.name());
+        assert!(!own.complement().contains(&event.kind), "{}", event.kind.name());
+    }
+    let kinds: BTreeSet<_> = sample_events::all().iter().map(|event| event.kind.name()).collect();
+    assert_eq!(kinds.len(), KindSet::ALL.names().count());
+}
+
+#[test]
+#[cfg_attr(not(unix), ignore = "wants tshark")]
+fn aliases_are_names_of_wireshark() {
+    let output = std::process::Command::new("tshark").args(["-G", "fields"]).output();
+    let Ok(output) = output else {
+        crate::support::skip("tshark", "it is not installed");
+        return;
+    };
+    let listing = String::from_utf8_lossy(&output.stdout);
+    let names: BTreeSet<&str> = listing.lines().filter_map(|line| line.split('\t').nth(2)).collect();
+    let fields = table().fields.iter().flat_map(|field| &field.alias);
+    for alias in fields.chain(table().parts.iter().flat_map(|part| &part.alias)) {
+        assert!(names.contains(alias.as_str()), "{alias}");
+    }
+}

@@ -1,0 +1,272 @@
+//! Filters asked about events.
+
+use cobscope_decoder::event::{Event, EventKind};
+use cobscope_decoder::query::record::{FieldValue, Fields, visit};
+use cobscope_decoder::query::{Filter, KindSet, MAX_TESTS};
+use proptest::prelude::*;
+
+use crate::sample_events;
+
+fn filter(text: &str) -> Filter {
+    text.parse().unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// Places in the list of samples, with their kinds, that a filter matches.
+fn matching(text: &str) -> Vec<&'static str> {
+    let (filter, bus) = (filter(text), sample_events::bus());
+    let all = sample_events::all().into_iter();
+    all.filter(|event| filter.matches(event, &bus, None)).map(|event| event.kind.name()).collect()
+}
+
+fn refusal(text: &str) -> String {
+    text.parse::<Filter>().map_or_else(|error| error.to_string(), |filter| format!("understood: {filter}"))
+}
+
+#[test]
+fn the_kind_and_what_is_joined_to_it() {
+    assert_eq!(matching("kind == emcy"), ["emcy", "emcy"]);
+    assert_eq!(matching("kind == emcy && code == 0x8130"), ["emcy"]);
+    assert_eq!(matching("kind in {node-lost node-back}"), ["node-lost", "node-back"]);
+    assert_eq!(matching("kind contains guard"), ["guard-request", "guard-reply"]);
+    assert_eq!(matching("kind matches \"^Node-(lost|back)$\""), ["node-lost", "node-back"]);
+    assert_eq!(matching("kind == time or kind == sync and counter"), ["sync", "time"]);
+    assert_eq!(matching("(kind == time or kind == sync) and counter"), ["sync"]);
+    assert!(matching("kind == emcy && kind == sync").is_empty());
+}
+
+#[test]
+fn a_field_alone_asks_whether_it_is_there() {
+    assert_eq!(matching("abort"), ["sdo-transfer"]);
+    assert_eq!(matching("signals"), ["pdo"]);
+    assert_eq!(matching("toggle_error"), ["guard-reply"]);
+    assert_eq!(matching("last_emcy"), ["node-lost"], "null is not there");
+    assert_eq!(matching("!(kind == lss) && !node_name").len(), 0);
+    assert_eq!(matching("signals.assumed"), ["pdo"]);
+}
+
+#[test]
+fn a_comparison_with_a_field_that_is_not_there_is_false() {
+    assert_eq!(matching("counter == 5"), ["sync"]);
+    assert!(matching("counter != 5").is_empty());
+    assert_eq!(matching("!(counter == 5) && kind == sync"), ["sync"]);
+    assert_eq!(matching("last_emcy != 0x1000"), ["node-lost"]);
+}
+
+#[test]
+fn one_value_of_several_is_enough() {
+    let all = sample_events::all().len();
+    assert_eq!(matching("frames == 3").len(), all);
+    assert_eq!(matching("frame.number == 4").len(), all);
+    assert_eq!(matching("frames == 5").len(), 0);
+    assert_eq!(matching("frames in {1..3}").len(), all);
+    assert_eq!(matching("frames != 3").len(), all, "the other one is 4");
+    assert_eq!(matching("signals.id == 2001sub1"), ["pdo"]);
+    assert_eq!(matching("signals.value == -2"), ["pdo"]);
+    assert_eq!(matching("signals.value > 199"), ["pdo"]);
+    assert_eq!(matching("signals.name == speed"), ["pdo"]);
+    assert_eq!(matching("can.id in {0x600..0x67F}"), ["sdo-transfer"; 3]);
+}
+
+#[test]
+fn values_of_all_types() {
+    assert_eq!(matching("object == 0x1017:00"), ["object-change", "object-change", "sdo-transfer"]);
+    assert_eq!(matching("object >= 1017h:00h && object <= 1017:FF && name"), ["sdo-transfer"]);
+    assert_eq!(matching("canopen.sdo.main_idx == 0x1008"), ["sdo-transfer"]);
+    assert_eq!(matching("abort.code == 0x06020000 && abort.by == client"), ["sdo-transfer"]);
+    assert_eq!(matching("canopen.sdo.abort_code in {0x06020000..0x0602FFFF}"), ["sdo-transfer"]);
+    assert_eq!(matching("vendor_data contains 02:03"), ["emcy"]);
+    assert_eq!(matching("data == c8fe"), ["pdo"]);
+    assert_eq!(matching("data contains \"BC\""), ["sdo-transfer"]);
+    assert_eq!(matching("value == 1000"), ["sdo-transfer"]);
+    assert_eq!(matching("value matches abc"), ["sdo-transfer"]);
+    assert!(matching("value matches \"(?-i)abc\"").is_empty());
+    assert_eq!(matching("gap > 2.5 && kind == node-lost"), ["node-lost"]);
+    assert_eq!(matching("gap == 2"), ["bus-silent"]);
+    assert_eq!(matching("step < 0"), ["clock-step"]);
+    assert_eq!(matching("step == -0.001"), ["clock-step"]);
+    assert_eq!(matching("remote == true && fd != false"), ["frame"]);
+    assert_eq!(matching("id == 0x18FECA00"), ["frame"]);
+    assert_eq!(matching("time >= \"2024-01-01\""), ["time"]);
+    assert_eq!(matching("t == 1.5 && kind == note"), ["note"]);
+    assert_eq!(matching("node_name == ABCD").len(), sample_events::all().len());
+}
+
+#[test]
+fn a_key_of_several_meanings_goes_by_the_value() {
+    assert_eq!(matching("from == 1"), ["node-id-change"]);
+    assert_eq!(matching("from == E803"), ["object-change"]);
+    assert_eq!(matching("from == pre-operational"), ["nmt-command", "nmt-state"]);
+    assert_eq!(matching("mode == configuration"), ["lss"]);
+    assert_eq!(matching("mode == 9"), ["lss"]);
+    assert_eq!(matching("mode == block"), ["sdo-transfer"; 2]);
+}
+
+#[test]
+fn a_filter_knows_its_kinds() {
+    let kinds = |text| filter(text).kinds().names().collect::<Vec<_>>();
+    assert_eq!(kinds("kind == emcy"), ["emcy"]);
+    assert_eq!(kinds("abort.code == 0x06020000"), ["sdo-transfer"]);
+    assert_eq!(kinds("mode == block"), ["sdo-transfer"]);
+    assert_eq!(kinds("counter == 1 || register == 1"), ["sync", "emcy"]);
+    assert_eq!(kinds("node == 1 && !(kind != pdo)"), ["pdo"]);
+    assert_eq!(filter("node == 1").kinds(), KindSet::ALL);
+    assert_eq!(filter("!counter").kinds(), KindSet::ALL);
+    assert_eq!(filter("counter && kind == emcy").kinds(), KindSet::NONE);
+}
+
+#[test]
+fn the_capture_is_a_field() {
+    let bus = sample_events::bus();
+    let event = sample_events::event(EventKind::GuardRequest);
+    assert!(filter("capture contains a").matches(&event, &bus, Some("a.log")));
+    assert!(!filter("capture").matches(&event, &bus, None));
+}
+
+#[test]
+fn errors_show_the_place_and_the_way_out() {
+    let cases = [
+        ("nod == 4", "there is no field 'nod'; did you mean node?\n  nod == 4\n  ^^^"),
+        (
+            "node == 4 && kind == sdo",
+            "kind is never 'sdo'; did you mean sdo-transfer?\n  node == 4 && kind == sdo\n                       ^^^",
+        ),
+        (
+            "code == 8130",
+            "decimal or hexadecimal? Write 0x8130, or 0x1FC2 if decimal was meant\n  code == 8130\n          ^^^^",
+        ),
+        ("kind < emcy", "the values of kind have no order\n  kind < emcy\n  ^^^^"),
+        ("node matches 4", "matches wants text; node is a number\n  node matches 4\n  ^^^^"),
+        (
+            "node contains 4",
+            "contains wants text or bytes; node is a number\n  node contains 4\n                ^",
+        ),
+        (
+            "object == 0x1018",
+            "an object is index and sub-index: 0x1018:00; for all sub-indexes ask for .index\n  object == 0x1018\n            ^^^^^^",
+        ),
+        (
+            "from == operationl",
+            "from is never 'operationl'; did you mean operational?\n  from == operationl\n          ^^^^^^^^^^",
+        ),
+        ("bus matches \"(\"", "no regular expression: "),
+        ("bus matches \"(x{1000}){1000}\"", "no regular expression: "),
+    ];
+    for (text, expected) in cases {
+        let refusal = refusal(text);
+        assert!(refusal.starts_with(expected), "{text}: {refusal}");
+    }
+}
+
+#[test]
+fn questions_are_limited() {
+    let many = |count: usize| vec!["node"; count].join("||");
+    assert!(many(MAX_TESTS).parse::<Filter>().is_ok());
+    assert!(refusal(&many(MAX_TESTS + 1)).starts_with("a filter asks at most 256 questions"));
+    let mut last = vec!["step"; MAX_TESTS];
+    *last.last_mut().unwrap() = "counter";
+    assert_eq!(matching(&last.join("||")), ["sync", "clock-step"]);
+}
+
+/// Whether something is told twice over: a visit without any filter, as a check on the filter's own.
+struct Tells(&'static str, bool);
+
+impl Fields for Tells {
+    fn field(&mut self, key: &'static str, value: FieldValue<'_>) {
+        self.1 |= key == self.0 && value != FieldValue::Null;
+    }
+    fn open(&mut self, _: &'static str) {}
+    fn close(&mut self) {}
+    fn open_list(&mut self, _: &'static str) {}
+    fn close_list(&mut self) {}
+}
+
+fn tells(event: &Event, key: &'static str) -> bool {
+    let mut tells = Tells(key, false);
+    visit(event, &sample_events::bus(), None, &mut tells);
+    tells.1
+}
+
+#[test]
+fn presence_is_what_a_visit_tells() {
+    for key in ["code", "object", "data", "text", "name", "from", "to", "unit", "cut", "presumed"] {
+        let filter = filter(key);
+        for event in sample_events::all() {
+            let event = Event { presumed: false, ..event };
+            // The name in a signal is not the event's.
+            if !matches!(event.kind, EventKind::Pdo(_)) && key != "code" && key != "text" {
+                let expected = tells(&event, key);
+                assert_eq!(filter.matches(&event, &sample_events::bus(), None), expected, "{key} {event:?}");
+            }
+        }
+    }
+}
+
+fn operand() -> impl Strategy<Value = String> {
+    prop_oneof![
+        "-?[0-9]{1,12}(\\.[0-9]{1,12})?",
+        "0x[0-9A-F]{1,8}",
+        "[0-9]{4}:[0-9]{2}",
+        "[a-z-]{1,12}",
+        any::<String>().prop_map(|text| format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))),
+    ]
+}
+
+fn test() -> impl Strategy<Value = String> {
+    let text = prop_oneof![Just("bus"), Just("node_name"), Just("signals.name"), Just("capture")];
+    let number = prop_oneof![Just("node"), Just("t"), Just("canopen.node_id"), Just("frames")];
+    let relation = prop_oneof![Just("=="), Just("!="), Just("lt"), Just(">="), Just("contains")];
+    prop_oneof![
+        number.clone().prop_map(str::to_owned),
+        (text, relation, operand())
+            .prop_map(|(field, relation, value)| format!("{field} {relation} {value}")),
+        (number, -5..999, 0..9_999).prop_map(|(field, from, to)| format!("{field} in {{{from}..{to}, 0x7}}")),
+    ]
+}
+
+fn expression() -> impl Strategy<Value = String> {
+    test().prop_recursive(4, 24, 3, |inner| {
+        prop_oneof![
+            (inner.clone(), inner.clone()).prop_map(|(left, right)| format!("({left}) && ({right})")),
+            (inner.clone(), inner.clone()).prop_map(|(left, right)| format!("{left} or {right}")),
+            (inner.clone(), inner.clone()).prop_map(|(left, right)| format!("{left} and {right}")),
+            inner.prop_map(|inner| format!("not {inner}")),
+        ]
+    })
+}
+
+/// Text that looks much like a filter.
+fn nearly() -> impl Strategy<Value = String> {
+    let piece = prop_oneof![
+        "[ ()!{}.,<>=&|\"\\\\r]{1,3}",
+        Just(" and ".to_owned()),
+        Just(" in ".to_owned()),
+        Just(" matches ".to_owned()),
+        test(),
+        operand(),
+    ];
+    prop::collection::vec(piece, 0..12).prop_map(|pieces| pieces.concat())
+}
+
+proptest! {
+    #[test]
+    fn any_text_is_understood_or_refused(text in prop_oneof![any::<String>(), nearly()]) {
+        match text.parse::<Filter>() {
+            Ok(filter) => prop_assert_eq!(&filter.to_string().parse::<Filter>().unwrap(), &filter),
+            Err(error) => prop_assert!(error.to_string().lines().count() == 3),
+        }
+    }
+
+    #[test]
+    fn a_printed_filter_is_the_same_filter(text in expression()) {
+        let filter = text.parse::<Filter>().unwrap();
+        let again = filter.to_string().parse::<Filter>().unwrap();
+        prop_assert_eq!(&again, &filter);
+        prop_assert_eq!(again.to_string(), filter.to_string());
+        let bus = sample_events::bus();
+        for event in sample_events::all() {
+            let answer = filter.matches(&event, &bus, None);
+            prop_assert_eq!(again.matches(&event, &bus, None), answer);
+            prop_assert!(!answer || filter.kinds().contains(&event.kind));
+        }
+    }
+}

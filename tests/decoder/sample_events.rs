@@ -1,0 +1,235 @@
+//! One event of every kind, and more of those that differ in their fields; every option is set somewhere.
+
+use std::sync::Arc;
+
+use cobscope_decoder::capture::BusNames;
+use cobscope_decoder::decoder::Decoder;
+use cobscope_decoder::event::{
+    Abort, BootCause, Certainty, Crc, Direction, EmcyAction, Emergency, Event, EventKind, FrameRange, Mode,
+    ObjectChange, Outcome, Pdo, Protocol, SdoTransfer, Silence, StateCause, StateChange, Undecoded,
+};
+use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags, MAX_DATA, Timestamp};
+use cobscope_decoder::profile::{DataType, Field, Layout, PdoDirection, PdoName};
+use cobscope_decoder::session::{Bus, SessionOptions};
+use cobscope_decoder::wire::Malformed;
+use cobscope_decoder::wire::canopen::emcy::ByteOrder;
+use cobscope_decoder::wire::canopen::lss::Content;
+use cobscope_decoder::wire::canopen::nmt::NmtService;
+use cobscope_decoder::wire::canopen::{NmtState, ObjectAddress};
+use cobscope_decoder::wire::error_frame;
+
+/// A bus whose node 2 said its name, `ABCD`.
+pub fn bus() -> Bus {
+    let mut decoder = Decoder::new(SessionOptions::default());
+    let mut ignore = |_: &Event, _: &Bus| {};
+    let frames: [(u16, &[u8]); 2] = [
+        (0x602, &[0x40, 0x08, 0x10, 0, 0, 0, 0, 0]),
+        (0x582, &[0x43, 0x08, 0x10, 0, b'A', b'B', b'C', b'D']),
+    ];
+    for (number, (id, data)) in frames.into_iter().enumerate() {
+        let mut frame = Frame::data_frame(CanId::standard(id), data);
+        frame.number = number as u64 + 1;
+        frame.time = Some(Timestamp(0));
+        decoder.push(&frame, &BusNames::default(), &mut ignore);
+    }
+    decoder.buses()[0].clone()
+}
+
+/// An event of node 2 at 1.5 s in frames 3 to 4.
+pub fn event(kind: EventKind) -> Event {
+    Event {
+        time: Some(Timestamp(1_500_000_000)),
+        bus: BusIndex(0),
+        frames: FrameRange { first: 3, last: 4 },
+        protocol: Protocol::Canopen,
+        node: Some(2),
+        presumed: true,
+        routine: false,
+        kind,
+    }
+}
+
+/// All samples.
+pub fn all() -> Vec<Event> {
+    let kinds = [nodes(), messages(), transfers(), layer_setting(), bus_and_capture()].concat();
+    kinds.into_iter().map(event).collect()
+}
+
+fn nodes() -> Vec<EventKind> {
+    let change = StateChange {
+        from: Some(NmtState::PreOperational),
+        to: NmtState::Operational,
+        cause: StateCause::Heartbeat,
+        cause_frame: 1,
+        after: Some(20_000_000),
+        certainty: Certainty::Confirmed,
+    };
+    let silence = Silence {
+        last_frame: 2,
+        last_state: Some(NmtState::Operational),
+        last_emcy: Some(0x8130),
+        gap: 3_000_000_000,
+        monitored_by: "heartbeat",
+    };
+    let mut object_change = ObjectChange {
+        object: ObjectAddress::new(0x1017, 0),
+        from: Some(vec![0xE8, 3]),
+        to: vec![0xF4, 1],
+        origin: "download",
+    };
+    let known = EventKind::ObjectChange(Box::new(object_change.clone()));
+    object_change.from = None;
+    vec![
+        EventKind::NmtCommand {
+            service: NmtService::Start,
+            target: 2,
+            from: Some(NmtState::PreOperational),
+            to: Some(NmtState::Operational),
+        },
+        EventKind::NmtCommand { service: NmtService::Unknown(7), target: 2, from: None, to: None },
+        EventKind::NmtState(change),
+        EventKind::NmtState(StateChange { from: None, after: None, ..change }),
+        EventKind::BootUp { cause: BootCause::Commanded { frame: 1 } },
+        EventKind::BootUp { cause: BootCause::PresumedPowerOn },
+        EventKind::Heartbeat { state: Some(NmtState::Stopped), code: 4 },
+        EventKind::Heartbeat { state: None, code: 9 },
+        EventKind::GuardRequest,
+        EventKind::GuardReply { state: None, code: 9, toggle: true, toggle_error: true },
+        EventKind::NodeLost(silence),
+        EventKind::NodeBack(Silence { last_state: None, last_emcy: None, ..silence }),
+        EventKind::NodeIdChange { from: Some(1), to: 2, by: "lss" },
+        EventKind::NodeIdChange { from: None, to: 2, by: "lss" },
+        known,
+        EventKind::ObjectChange(Box::new(object_change)),
+    ]
+}
+
+fn messages() -> Vec<EventKind> {
+    let emergency = Emergency {
+        code: Some(0x8130),
+        register: Some(0x11),
+        vendor: [1, 2, 3, 4, 5],
+        vendor_length: 5,
+        action: EmcyAction::Raised,
+        active: 1,
+        byte_order: ByteOrder::LsbFirst,
+    };
+    let ready =
+        Emergency { code: None, register: None, vendor_length: 0, action: EmcyAction::Ready, ..emergency };
+    let field = |sub, name: Option<&str>, bit, data_type| Field {
+        object: ObjectAddress::new(0x2001, sub),
+        name: name.map(str::to_owned),
+        bit,
+        bits: 8,
+        data_type,
+        is_typed: true,
+    };
+    let layout = Layout {
+        fields: vec![field(0, Some("speed"), 0, DataType::Unsigned8), field(1, None, 8, DataType::Integer8)],
+        bits: 16,
+        origin: "wire",
+        assumed: true,
+    };
+    let mut pdo = Pdo {
+        name: PdoName { direction: PdoDirection::Transmit, number: 1 },
+        cob_id: CanId::standard(0x182),
+        is_request: false,
+        length: 2,
+        bytes: [0; MAX_DATA],
+        layout: Some(Arc::new(layout)),
+    };
+    pdo.bytes[..2].copy_from_slice(&[200, 0xFE]);
+    vec![
+        EventKind::Sync { counter: Some(5), expected: Some(4) },
+        EventKind::Sync { counter: None, expected: None },
+        EventKind::Time { milliseconds: 43_200_000, days: 14_610 },
+        EventKind::Emcy(emergency),
+        EventKind::Emcy(ready),
+        EventKind::Pdo(pdo.clone()),
+        EventKind::Pdo(Pdo { is_request: true, ..pdo }),
+    ]
+}
+
+fn transfers() -> Vec<EventKind> {
+    let write = SdoTransfer {
+        request: CanId::standard(0x602),
+        response: CanId::standard(0x582),
+        client: Some(127),
+        direction: Some(Direction::Download),
+        mode: Some(Mode::Block),
+        object: Some(ObjectAddress::new(0x1017, 0)),
+        size: 2,
+        announced: Some(2),
+        data: vec![0xE8, 3],
+        truncated: false,
+        previous: None,
+        duration: Some(1_000_000),
+        outcome: Outcome::Complete,
+        abort: None,
+        crc: Some(Crc::Correct),
+        cut_start: false,
+        cut_end: false,
+        frame_count: 2,
+    };
+    let aborted = SdoTransfer {
+        client: None,
+        direction: None,
+        mode: None,
+        object: None,
+        duration: None,
+        outcome: Outcome::Aborted,
+        abort: Some(Abort { code: 0x0602_0000, by_client: true }),
+        cut_start: true,
+        truncated: true,
+        ..write.clone()
+    };
+    let text = SdoTransfer {
+        direction: Some(Direction::Upload),
+        object: Some(ObjectAddress::new(0x1008, 0)),
+        data: b"ABCD".to_vec(),
+        ..write.clone()
+    };
+    [write, aborted, text].map(|transfer| EventKind::SdoTransfer(Box::new(transfer))).into()
+}
+
+fn layer_setting() -> Vec<EventKind> {
+    let contents = [
+        (0x04, Content::Mode(1)),
+        (0x04, Content::Mode(9)),
+        (0x11, Content::NodeId(5)),
+        (0x13, Content::BitTiming { table: 0, entry: 3 }),
+        (0x15, Content::Delay(500)),
+        (0x40, Content::Number(1)),
+        (0x41, Content::Number(1)),
+        (0x42, Content::Number(1)),
+        (0x43, Content::Number(1)),
+        (0x48, Content::Number(1)),
+        (0x49, Content::Number(1)),
+        (0x4A, Content::Number(1)),
+        (0x4B, Content::Number(1)),
+        (0xEE, Content::Number(1)),
+        (0x17, Content::Result { code: 0, specific: 0 }),
+        (0x17, Content::Result { code: 255, specific: 7 }),
+        (0x51, Content::FastScan { number: 0xAB, bit: 31, sub: 0, next: 1 }),
+        (0x4F, Content::Nothing),
+    ];
+    contents.map(|(command, content)| EventKind::Lss { command, from_master: true, content }).into()
+}
+
+fn bus_and_capture() -> Vec<EventKind> {
+    let mut frame = Frame::data_frame(CanId::extended(0x18FE_CA00), &[1, 2, 3]);
+    frame.flags = FrameFlags::REMOTE.with(FrameFlags::FD);
+    let error = Malformed { layer: "sdo", offset: 0, needed: 8, available: 3 };
+    vec![
+        EventKind::CanError(error_frame::parse(0x2000_0204, &[0, 4, 0, 0, 0, 0, 96, 128])),
+        EventKind::Frame(Box::new(Undecoded { frame, name: Some("dynamic SDO request") })),
+        EventKind::Malformed { error, reason: "too short" },
+        EventKind::Evicted { what: "object", count: 1 },
+        EventKind::ClockStep { step: -1_000_000 },
+        EventKind::BusSilent { gap: 2_000_000_000 },
+        EventKind::LostFrames { count: Some(3) },
+        EventKind::LostFrames { count: None },
+        EventKind::Unreadable { line: Some(7), offset: Some(99), reason: "no frame".into() },
+        EventKind::Note { text: "times are taken for absolute".into() },
+    ]
+}
