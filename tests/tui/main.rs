@@ -4,6 +4,7 @@
 mod cli;
 mod docs;
 mod explain;
+mod filter;
 mod readme;
 #[path = "../support/mod.rs"]
 mod support;

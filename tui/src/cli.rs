@@ -4,6 +4,9 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use cobscope_decoder::query::Filter;
+
+use crate::select::Bound;
 
 /// Read CAN buses: what did the CANopen devices do?
 ///
@@ -57,11 +60,40 @@ pub struct InputArgs {
     pub sdo_timeout: f64,
 }
 
+/// Help of `--filter`.
+const FILTER_HELP: &str = "\
+Print only events that EXPR matches
+
+The grammar is that of Wireshark's display filters: == != < <= > >=, in {}, contains, matches, && || ! (), \
+or in words eq ne lt le gt ge and or not. A field alone asks whether the event has it. Fields are the keys of \
+-f jsonl, nested ones with a dot, and many of Wireshark's names. A comparison with a field the event does not \
+have is false. The filter chooses among what is printed anyway; see --all, --pdo and --frames.
+
+  --filter 'kind == emcy && node == 4'
+  --filter 'canopen.sdo.abort_code == 0x06090011 || outcome == timeout'
+  --filter 'object in {1800:01..1BFF:02} && direction == download'";
+
+/// Which events are printed. All of a capture is understood either way.
+#[derive(Debug, Default, Args)]
+pub struct SelectArgs {
+    /// Print only events that EXPR matches, such as 'kind == emcy && node == 4'
+    #[arg(long, value_name = "EXPR", long_help = FILTER_HELP)]
+    pub filter: Option<Filter>,
+    /// Print only events from WHEN on: 12.5 (seconds from the first frame), #1234 (frame), a date and time
+    #[arg(long, value_name = "WHEN")]
+    pub from: Option<Bound>,
+    /// Print only events up to WHEN, given as with --from; dates as 2024-01-31T12:00:00Z
+    #[arg(long, value_name = "WHEN")]
+    pub to: Option<Bound>,
+}
+
 /// `cobscope decode`.
 #[derive(Debug, Args)]
 pub struct DecodeArgs {
     #[command(flatten)]
     pub input: InputArgs,
+    #[command(flatten)]
+    pub select: SelectArgs,
     /// Output format
     #[arg(short, long, value_name = "FORMAT", default_value = "text")]
     pub format: Format,

@@ -3,6 +3,7 @@
 mod cli;
 mod cmd;
 mod exit_code;
+mod select;
 mod source;
 
 use clap::Parser as _;

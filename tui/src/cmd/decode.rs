@@ -5,6 +5,7 @@ use std::io::{BufWriter, ErrorKind, IsTerminal as _, Write};
 
 use anyhow::Context as _;
 use cobscope_decoder::event::{Event, EventKind};
+use cobscope_decoder::frame::Frame;
 use cobscope_decoder::session::{Bus, Observer};
 use cobscope_decoder::sink::jsonl::Jsonl;
 use cobscope_decoder::sink::text::{self, PdoLines, Text, TextOptions};
@@ -12,6 +13,7 @@ use cobscope_decoder::sink::text::{self, PdoLines, Text, TextOptions};
 use super::{Watcher, captures, complain, decode_capture};
 use crate::cli::{Color, DecodeArgs, Format, Pdo, TimeColumn};
 use crate::exit_code::Exit;
+use crate::select::Selection;
 
 /// Bytes gathered before they are written.
 const OUTPUT_BUFFER: usize = 64 * 1024;
@@ -54,6 +56,7 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
 /// Prints events in the format asked for.
 struct Printer {
     sink: Sink,
+    selection: Selection,
     pdo: Pdo,
     frames: bool,
 }
@@ -73,10 +76,12 @@ impl Printer {
             Format::Text => Sink::Text(Text::new(output(arguments)?, text_options(arguments, pdo))),
             Format::Jsonl => Sink::Jsonl(Jsonl::new(output(arguments)?)),
         };
-        Ok(Self { sink, pdo, frames: arguments.frames })
+        let selection = Selection::new(&arguments.select);
+        Ok(Self { sink, selection, pdo, frames: arguments.frames })
     }
 
     fn begin_capture(&mut self, name: &str) {
+        self.selection.set_capture(name);
         match &mut self.sink {
             Sink::Text(text) => text.heading(&format!("== {name}")),
             Sink::Jsonl(jsonl) => jsonl.set_capture(Some(name.to_owned())),
@@ -107,6 +112,9 @@ impl Printer {
 
 impl Observer for Printer {
     fn event(&mut self, event: &Event, bus: &Bus) {
+        if !self.selection.admits(event, bus) {
+            return;
+        }
         match &mut self.sink {
             Sink::Text(text) => text.write(event, bus),
             Sink::None => {}
@@ -128,6 +136,13 @@ impl Watcher for Printer {
             Sink::Jsonl(jsonl) => jsonl.has_failed(),
             Sink::None => false,
         }
+    }
+
+    fn begin(&mut self, first: &Frame) -> anyhow::Result<()> {
+        if let Sink::Text(text) = &mut self.sink {
+            text.see(first.time);
+        }
+        self.selection.begin(first)
     }
 }
 

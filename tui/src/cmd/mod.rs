@@ -7,8 +7,10 @@ mod shell;
 use std::io::Write as _;
 use std::path::PathBuf;
 
+use anyhow::Context as _;
 use cobscope_decoder::capture::{Batch, BusNames, Item, ReadOptions, TimeStyle};
 use cobscope_decoder::decoder::Decoder;
+use cobscope_decoder::frame::Frame;
 use cobscope_decoder::session::{Observer, ProtocolChoice, SessionOptions};
 
 use crate::cli::{Cli, Command, InputArgs, Protocol, StampStyle};
@@ -64,6 +66,14 @@ trait Watcher: Observer {
     fn is_done(&self) -> bool {
         false
     }
+
+    /// The first frame of a capture, before any event of it.
+    ///
+    /// # Errors
+    /// When what was asked for cannot be told of such a capture.
+    fn begin(&mut self, _first: &Frame) -> anyhow::Result<()> {
+        Ok(())
+    }
 }
 
 /// Decodes one capture into `watcher`; gives the decoder as it is at the end and the number of frames.
@@ -85,6 +95,11 @@ fn decode_capture(
                 failure = Some(anyhow::Error::from(error).context(path.display().to_string()));
                 break;
             }
+        }
+        if frames == 0
+            && let Some(first) = batch.frames().first()
+        {
+            watcher.begin(first).with_context(|| path.display().to_string())?;
         }
         frames += batch.frames().len() as u64;
         push_batch(&mut decoder, &batch, capture.reader.buses(), watcher);

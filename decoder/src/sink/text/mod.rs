@@ -19,6 +19,7 @@ use std::io::{self, Write};
 pub use time::TimeColumn;
 
 use crate::event::{Event, EventKind};
+use crate::frame::Timestamp;
 use crate::session::Bus;
 use crate::sink::ascii::push_blanks;
 
@@ -90,6 +91,11 @@ impl<W: Write> Text<W> {
         let clock = time::Clock::new(options.time);
         let line = Vec::with_capacity(512);
         Self { output, options, clock, columns: line::Columns::default(), line, error: None }
+    }
+
+    /// Takes note of a time without a line; the first one is the zero of the time column.
+    pub fn see(&mut self, time: Option<Timestamp>) {
+        self.clock.see(time);
     }
 
     /// Writes one event, if it is one to be shown.

@@ -1,0 +1,149 @@
+//! `--filter`, `--from`, `--to` on fixtures. Expected lines follow the `expected.txt` beside each capture.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn run(arguments: &[&str], capture: &str) -> Output {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+    let path = root.join("fixtures").join("canopen").join(capture);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cobscope"));
+    command.env("NO_COLOR", "1").arg("decode").args(arguments).arg(path);
+    command.output().unwrap()
+}
+
+/// What a run prints; it must go well and silently.
+fn lines(arguments: &[&str], capture: &str) -> Vec<String> {
+    let output = run(arguments, capture);
+    assert_eq!(String::from_utf8_lossy(&output.stderr), "");
+    assert_eq!(output.status.code(), Some(0));
+    String::from_utf8(output.stdout).unwrap().lines().map(str::to_owned).collect()
+}
+
+/// `first-last kind` of each event a filter lets through.
+fn events(arguments: &[&str], capture: &str) -> Vec<String> {
+    let lines = lines(&[&["-f", "jsonl"], arguments].concat(), capture);
+    let event = |line: &String| {
+        let event: serde_json::Value = serde_json::from_str(line).unwrap();
+        let kind = event["kind"].as_str().unwrap();
+        match (&event["frames"][0], &event["frames"][1]) {
+            (first, last) if first == last => format!("{last} {kind}"),
+            (first, last) => format!("{first}-{last} {kind}"),
+        }
+    };
+    lines.iter().map(event).collect()
+}
+
+fn filtered(filter: &str, capture: &str) -> Vec<String> {
+    events(&["--filter", filter], capture)
+}
+
+#[test]
+fn the_transfers_the_client_aborted() {
+    // sdo_abort.expected.txt: abort.by=client in frames 23-27 and 28-29.
+    let expected = [
+        "    0.206  client→2          SDO r  2010:00 ABORTED by client 08000021: refused because of local \
+         control dt=4.0ms seg {23-27}",
+        "    0.527  client→3          SDO r  1000:00 Device type ABORTED by client 05040000: SDO timed out \
+         dt=300.0ms {28-29}",
+    ];
+    assert_eq!(lines(&["--filter", "abort.by == client"], "sdo_abort.log"), expected);
+}
+
+#[test]
+fn by_abort_code_with_wireshark_s_name() {
+    let filter = "canopen.sdo.abort_code in {0x06010000..0x0601FFFF 0x060A0023}";
+    let expected = ["5-6 sdo-transfer", "7-8 sdo-transfer", "13-14 sdo-transfer"];
+    assert_eq!(filtered(filter, "sdo_abort.log"), expected);
+    assert_eq!(filtered("abort.code && node == 3", "sdo_abort.log"), ["28-29 sdo-transfer"]);
+    assert_eq!(filtered("outcome == aborted && !mode && direction", "sdo_abort.log").len(), 4);
+}
+
+#[test]
+fn emergencies_that_say_something() {
+    // emcy.expected.txt: codes other than 0000 in frames 6, 7, 11 and 14; 13 is an empty one.
+    let expected = ["6 emcy", "7 emcy", "11 emcy", "14 emcy"];
+    assert_eq!(filtered("kind == emcy && code != 0", "emcy.log"), expected);
+    assert_eq!(filtered("vendor_data contains DE:AD", "emcy.log"), ["11 emcy"]);
+    assert_eq!(filtered("action == ready", "emcy.log"), ["13 emcy"]);
+    assert_eq!(filtered("text matches \"TEMPERATURE$\"", "emcy.log"), ["14 emcy"]);
+}
+
+#[test]
+fn states_and_commands() {
+    // nmt_heartbeat.expected.txt: node 5 is stopped by frame 17 and says so in 19 and 21.
+    let expected = ["19 heartbeat", "21 heartbeat"];
+    assert_eq!(
+        filtered("kind == heartbeat && state == stopped && frames < 23", "nmt_heartbeat.log"),
+        expected
+    );
+    let target = filtered("canopen.nmt_ctrl.node_id == 5 && command == stop", "nmt_heartbeat.log");
+    assert_eq!(target, ["17 nmt-command"]);
+}
+
+#[test]
+fn a_limit_by_frames_goes_by_the_last_one() {
+    let both = events(&["--from", "#6", "--to", "#10"], "sdo_abort.log");
+    assert_eq!(both, ["5-6 sdo-transfer", "7-8 sdo-transfer", "9-10 sdo-transfer"]);
+}
+
+#[test]
+fn a_limit_by_seconds_counts_from_the_first_frame() {
+    // Frames 11 and 12 are 4.5 and 5 s after the first one, 13 is 6 s after it.
+    let within = ["--from", "4.5", "--to", "5.000", "--filter", "kind == emcy"];
+    assert_eq!(events(&within, "emcy.log"), ["11 emcy", "12 emcy"]);
+    let dates =
+        ["--from", "2023-11-14T22:13:24.5Z", "--to", "2023-11-14 22:13:25", "--filter", "kind == emcy"];
+    assert_eq!(events(&dates, "emcy.log"), ["11 emcy", "12 emcy"]);
+    assert_eq!(events(&["--from", "6.000000001", "--to", "6.4"], "emcy.log"), [""; 0]);
+}
+
+#[test]
+fn what_is_left_out_is_learnt_all_the_same() {
+    // pdo_mapping: the mapping is written long before the PDOs that it explains.
+    let all = filtered("kind == pdo && signals", "pdo_mapping.log");
+    let late = events(&["--filter", "kind == pdo && signals", "--from", "#30"], "pdo_mapping.log");
+    assert!(!late.is_empty() && late.len() < all.len());
+    assert_eq!(all[all.len() - late.len()..], late);
+    let zero = lines(&["--filter", "code == 0x4210"], "emcy.log");
+    assert!(zero.len() == 1 && zero[0].starts_with("    6.500  "), "{zero:?}");
+}
+
+#[test]
+fn no_limit_prints_what_no_option_prints() {
+    let all = lines(&["-f", "jsonl"], "sdo_no_answer.log");
+    for arguments in [["--from", "0"], ["--to", "#999"], ["--filter", "kind"]] {
+        assert_eq!(lines(&[&["-f", "jsonl"], &arguments[..]].concat(), "sdo_no_answer.log"), all);
+    }
+}
+
+#[test]
+fn a_wrong_filter_is_shown_where_it_is_wrong() {
+    let output = run(&["--filter", "node == 4 && nod == 1"], "emcy.log");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(output.stdout.is_empty());
+    let text = String::from_utf8(output.stderr).unwrap();
+    let expected =
+        "there is no field 'nod'; did you mean node?\n  node == 4 && nod == 1\n               ^^^\n";
+    assert!(text.contains(expected), "{text}");
+}
+
+#[test]
+fn a_wrong_limit_is_a_wrong_command_line() {
+    let output = run(&["--from", "yesterday"], "emcy.log");
+    assert_eq!(output.status.code(), Some(2));
+    let text = String::from_utf8(output.stderr).unwrap();
+    assert!(text.contains("neither seconds (12.5), a frame (#1234) nor a time"), "{text}");
+}
+
+#[test]
+fn a_capture_without_times_has_no_seconds() {
+    let path = std::env::temp_dir().join(format!("cobscope-no-times-{}.log", std::process::id()));
+    std::fs::write(&path, "  can0  702   [1]  00\n  can0  702   [1]  05\n").unwrap();
+    let timed = run(&["--from", "1"], path.to_str().unwrap());
+    let numbered = run(&["--from", "#1"], path.to_str().unwrap());
+    std::fs::remove_file(&path).unwrap();
+    assert_eq!(timed.status.code(), Some(3));
+    let text = String::from_utf8(timed.stderr).unwrap();
+    assert!(text.contains("has no times; give frames as --from #1234"), "{text}");
+    assert_eq!(numbered.status.code(), Some(0), "{}", String::from_utf8_lossy(&numbered.stderr));
+}

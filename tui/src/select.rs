@@ -1,0 +1,147 @@
+//! Which events are printed: `--filter`, `--from`, `--to`. What is learnt of the bus does not depend on it,
+//! so a capture is read to its end whatever `--to` says: later frames can complete or time out what began
+//! before, and stamps can step back.
+
+use std::str::FromStr;
+
+use anyhow::ensure;
+use cobscope_decoder::event::Event;
+use cobscope_decoder::frame::{Frame, Timestamp};
+use cobscope_decoder::query::Filter;
+use cobscope_decoder::session::Bus;
+use jiff::tz::TimeZone;
+
+use crate::cli::SelectArgs;
+
+/// Digits behind the point that a nanosecond needs.
+const NANOSECOND_DIGITS: usize = 9;
+
+/// One end of what is printed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Bound {
+    /// Nanoseconds from the first frame of the capture.
+    Offset(i64),
+    /// Number of a frame.
+    Frame(u64),
+    /// Nanoseconds since 1970, as in captures with absolute times.
+    Moment(Timestamp),
+}
+
+/// `12.5`, `#1234`, `2024-01-31T12:00:00Z`; a date and time without zone is UTC, as `-t A` prints it.
+impl FromStr for Bound {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        if let Some(number) = text.strip_prefix('#') {
+            return number.parse().map(Self::Frame).map_err(|_| "a frame is # and its number, as #1234");
+        }
+        if let Some(offset) = nanoseconds(text) {
+            return Ok(Self::Offset(offset));
+        }
+        let moment = text.parse::<jiff::Timestamp>().or_else(|_| {
+            let local: jiff::civil::DateTime = text.parse()?;
+            local.to_zoned(TimeZone::UTC).map(|zoned| zoned.timestamp())
+        });
+        let nanoseconds = moment.ok().and_then(|moment| i64::try_from(moment.as_nanosecond()).ok());
+        let moment = nanoseconds.map(|time| Self::Moment(Timestamp(time)));
+        moment.ok_or("neither seconds (12.5), a frame (#1234) nor a time (2024-01-31T12:00:00Z)")
+    }
+}
+
+/// Seconds with at most nine digits behind the point.
+fn nanoseconds(text: &str) -> Option<i64> {
+    let (seconds, fraction) = text.split_once('.').unwrap_or((text, "0"));
+    let is_number = [seconds, fraction]
+        .iter()
+        .all(|digits| !digits.is_empty() && digits.bytes().all(|digit| digit.is_ascii_digit()));
+    if !is_number || fraction.len() > NANOSECOND_DIGITS {
+        return None;
+    }
+    format!("{seconds}{fraction:0<NANOSECOND_DIGITS$}").parse().ok()
+}
+
+/// What the options of one command select, capture by capture.
+#[derive(Debug, Default)]
+pub struct Selection {
+    filter: Option<Filter>,
+    from: Option<Bound>,
+    to: Option<Bound>,
+    capture: Option<String>,
+    first: Option<Timestamp>,
+}
+
+impl Selection {
+    /// What the command line says.
+    pub fn new(arguments: &SelectArgs) -> Self {
+        let SelectArgs { filter, from, to } = arguments;
+        Self { filter: filter.clone(), from: *from, to: *to, ..Self::default() }
+    }
+
+    /// Names the capture whose events follow.
+    pub fn set_capture(&mut self, name: &str) {
+        self.capture = Some(name.to_owned());
+        self.first = None;
+    }
+
+    /// The first frame of the capture.
+    ///
+    /// # Errors
+    /// When a time is asked for in a capture without times.
+    pub fn begin(&mut self, first: &Frame) -> anyhow::Result<()> {
+        self.first = first.time;
+        let wants_times =
+            [self.from, self.to].iter().flatten().any(|bound| !matches!(bound, Bound::Frame(_)));
+        ensure!(first.time.is_some() || !wants_times, "has no times; give frames as --from #1234");
+        Ok(())
+    }
+
+    /// Whether an event is to be printed. It counts by its last frame, and by its own time, which for a
+    /// deadline is the deadline's; what comes before all times only has a beginning.
+    pub fn admits(&self, event: &Event, bus: &Bus) -> bool {
+        let is_late_enough =
+            self.from.is_none_or(|from| self.order(event, from).is_some_and(|way| way.is_ge()));
+        let is_early_enough = self.to.is_none_or(|to| self.order(event, to).is_none_or(|way| way.is_le()));
+        is_late_enough
+            && is_early_enough
+            && self.filter.as_ref().is_none_or(|filter| filter.matches(event, bus, self.capture.as_deref()))
+    }
+
+    /// On which side of a bound an event is; nothing for an event without time at a bound with one.
+    fn order(&self, event: &Event, bound: Bound) -> Option<std::cmp::Ordering> {
+        match bound {
+            Bound::Frame(number) => Some(event.frames.last.cmp(&number)),
+            Bound::Moment(moment) => Some(event.time?.cmp(&moment)),
+            Bound::Offset(offset) => Some(event.time?.since(self.first?).cmp(&offset)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bound(text: &str) -> Result<Bound, &'static str> {
+        text.parse()
+    }
+
+    #[test]
+    fn seconds_frames_and_moments() {
+        assert_eq!(bound("12.5"), Ok(Bound::Offset(12_500_000_000)));
+        assert_eq!(bound("0"), Ok(Bound::Offset(0)));
+        assert_eq!(bound("1.000000001"), Ok(Bound::Offset(1_000_000_001)));
+        assert_eq!(bound("#1234"), Ok(Bound::Frame(1234)));
+        let moment = Ok(Bound::Moment(Timestamp(1_700_000_000_020_000_000)));
+        assert_eq!(bound("2023-11-14T22:13:20.02Z"), moment);
+        assert_eq!(bound("2023-11-14T23:13:20.02+01:00"), moment);
+        assert_eq!(bound("2023-11-14 22:13:20.02"), moment);
+    }
+
+    #[test]
+    fn anything_else_is_refused() {
+        for text in
+            ["", "#", "#x", "#-1", "-1", "1.", ".5", "1.0000000001", "1e3", "yesterday", "99999999999"]
+        {
+            assert!(bound(text).is_err(), "{text}");
+        }
+    }
+}
