@@ -18,20 +18,14 @@ use cobscope_decoder::wire::canopen::nmt::NmtService;
 use cobscope_decoder::wire::canopen::{NmtState, ObjectAddress};
 use cobscope_decoder::wire::error_frame;
 
-/// A bus whose node 2 said its name, `ABCD`.
+/// A bus on which node 2, named `ABCD`, was heard.
 pub fn bus() -> Bus {
-    let mut decoder = Decoder::new(SessionOptions::default());
-    let mut ignore = |_: &Event, _: &Bus| {};
-    let frames: [(u16, &[u8]); 2] = [
-        (0x602, &[0x40, 0x08, 0x10, 0, 0, 0, 0, 0]),
-        (0x582, &[0x43, 0x08, 0x10, 0, b'A', b'B', b'C', b'D']),
-    ];
-    for (number, (id, data)) in frames.into_iter().enumerate() {
-        let mut frame = Frame::data_frame(CanId::standard(id), data);
-        frame.number = number as u64 + 1;
-        frame.time = Some(Timestamp(0));
-        decoder.push(&frame, &BusNames::default(), &mut ignore);
-    }
+    let options = SessionOptions { node_names: vec![(2, "ABCD".into())], ..SessionOptions::default() };
+    let mut decoder = Decoder::new(options);
+    let mut frame = Frame::data_frame(CanId::standard(0x702), &[0]);
+    frame.number = 1;
+    frame.time = Some(Timestamp(0));
+    decoder.push(&frame, &BusNames::default(), &mut |_: &Event, _: &Bus| {});
     decoder.buses()[0].clone()
 }
 

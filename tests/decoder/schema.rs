@@ -125,8 +125,7 @@ struct Validator {
 
 impl Validator {
     fn new() -> Self {
-        let root: Value = serde_json::from_str(&fs::read_to_string(path()).unwrap()).unwrap();
-        Self { root, patterns: BTreeMap::new() }
+        Self { root: schema(), patterns: BTreeMap::new() }
     }
 
     fn check(&mut self, value: &Value) -> Result<(), String> {

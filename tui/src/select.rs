@@ -2,6 +2,7 @@
 //! so a capture is read to its end whatever `--to` says: later frames can complete or time out what began
 //! before, and stamps can step back.
 
+use std::cmp::Ordering;
 use std::str::FromStr;
 
 use anyhow::ensure;
@@ -99,15 +100,15 @@ impl Selection {
     /// deadline is the deadline's; what comes before all times only has a beginning.
     pub fn admits(&self, event: &Event, bus: &Bus) -> bool {
         let is_late_enough =
-            self.from.is_none_or(|from| self.order(event, from).is_some_and(|way| way.is_ge()));
-        let is_early_enough = self.to.is_none_or(|to| self.order(event, to).is_none_or(|way| way.is_le()));
+            self.from.is_none_or(|from| self.order(event, from).is_some_and(Ordering::is_ge));
+        let is_early_enough = self.to.is_none_or(|to| self.order(event, to).is_none_or(Ordering::is_le));
         is_late_enough
             && is_early_enough
             && self.filter.as_ref().is_none_or(|filter| filter.matches(event, bus, self.capture.as_deref()))
     }
 
     /// On which side of a bound an event is; nothing for an event without time at a bound with one.
-    fn order(&self, event: &Event, bound: Bound) -> Option<std::cmp::Ordering> {
+    fn order(&self, event: &Event, bound: Bound) -> Option<Ordering> {
         match bound {
             Bound::Frame(number) => Some(event.frames.last.cmp(&number)),
             Bound::Moment(moment) => Some(event.time?.cmp(&moment)),

@@ -199,7 +199,8 @@ impl Compiler<'_> {
             match check(question, target) {
                 Ok(check) => checks.push((target, check)),
                 Err((at, reason)) => {
-                    refusals.push((if at.is_empty() { name.at.clone() } else { at }, reason))
+                    let at = if at.is_empty() { name.at.clone() } else { at };
+                    refusals.push((at, reason));
                 }
             }
         }

@@ -44,7 +44,7 @@ impl fmt::Display for FilterError {
         let shown = before - skipped + SHOWN_BEHIND;
         let visible = |letter: char| if letter.is_control() { ' ' } else { letter };
         let line: String = self.text.chars().skip(skipped).take(shown).map(visible).collect();
-        let width = width.min(SHOWN_BEHIND).max(1);
+        let width = width.clamp(1, SHOWN_BEHIND);
         let reason: String = self.reason.chars().map(visible).collect();
         write!(f, "{reason}\n  {line}\n  {:indent$}{:^<width$}", "", "", indent = before - skipped)
     }

@@ -171,7 +171,7 @@ pub fn resolve(name: &str) -> Vec<Target> {
 pub fn nearest_name(name: &str) -> Option<&'static str> {
     let fields = table().fields.iter().flat_map(|field| std::iter::once(&field.key).chain(&field.alias));
     let parts = table().parts.iter().flat_map(|part| std::iter::once(&part.key).chain(&part.alias));
-    nearest(name, fields.chain(parts).map(String::as_str))
+    nearest(name, &fields.chain(parts).map(String::as_str))
 }
 
 /// Texts longer than this resemble nothing.
@@ -179,7 +179,10 @@ const LONGEST_GUESS: usize = 60;
 
 /// The candidate most like `text`: the shortest one that begins with it, else one that a slip in three
 /// letters makes of it, else one that ends with it.
-pub(super) fn nearest<'a>(text: &str, candidates: impl Iterator<Item = &'a str> + Clone) -> Option<&'a str> {
+pub(super) fn nearest<'a>(
+    text: &str,
+    candidates: &(impl Iterator<Item = &'a str> + Clone),
+) -> Option<&'a str> {
     if text.is_empty() || text.len() > LONGEST_GUESS {
         return None;
     }

@@ -12,6 +12,7 @@
 
 use std::fmt;
 use std::str::FromStr;
+use std::sync::Arc;
 
 use super::compile::{Compiled, Node, Test, compile};
 use super::error::FilterError;
@@ -30,9 +31,12 @@ const MAX_NESTING: usize = 4;
 /// Tests in a word of [`Hits`].
 const WORD: usize = 64;
 
-/// A filter, ready to be asked. Printed it is one that means the same.
+/// A filter, ready to be asked; cheap to clone. Printed it is one that means the same.
 #[derive(Debug, Clone)]
-pub struct Filter {
+pub struct Filter(Arc<Inner>);
+
+#[derive(Debug)]
+struct Inner {
     written: Expression,
     compiled: Compiled,
 }
@@ -40,7 +44,7 @@ pub struct Filter {
 impl Filter {
     /// Whether the event is meant; `capture` is the name output would give it.
     pub fn matches(&self, event: &Event, bus: &Bus, capture: Option<&str>) -> bool {
-        let Compiled { tree, tests, may, must, needs_details, needs_signals } = &self.compiled;
+        let Compiled { tree, tests, may, must, needs_details, needs_signals } = &self.0.compiled;
         if !may.contains(&event.kind) || must.contains(&event.kind) {
             return may.contains(&event.kind);
         }
@@ -57,14 +61,14 @@ impl Filter {
 
     /// The kinds of events it can match; all others it does not.
     pub fn kinds(&self) -> KindSet {
-        self.compiled.may
+        self.0.compiled.may
     }
 }
 
 /// By what is written, not by what is meant.
 impl PartialEq for Filter {
     fn eq(&self, other: &Self) -> bool {
-        self.written == other.written
+        self.0.written == other.0.written
     }
 }
 
@@ -74,13 +78,13 @@ impl FromStr for Filter {
     fn from_str(text: &str) -> Result<Self, FilterError> {
         let written = parse(text)?;
         let compiled = compile(text, &written)?;
-        Ok(Self { written, compiled })
+        Ok(Self(Arc::new(Inner { written, compiled })))
     }
 }
 
 impl fmt::Display for Filter {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.written.fmt(f)
+        self.0.written.fmt(f)
     }
 }
 
@@ -128,7 +132,7 @@ impl Search<'_> {
     }
 
     fn enter(&mut self, key: &'static str) {
-        self.told(key, |test, wanted| test.accepts_group(wanted));
+        self.told(key, Test::accepts_group);
         if let Some(slot) = self.path.get_mut(self.depth) {
             *slot = key;
         }

@@ -146,14 +146,11 @@ impl<'a> Lexer<'a> {
             let Some(letter) = self.letter() else { return Err(self.unclosed(start)) };
             match letter {
                 '"' => return Ok((Token::Word(Operand::quoted(text, start..self.at)), start..self.at)),
-                '\\' => match self.escaped() {
-                    Some(letter) => text.push(letter),
-                    None => {
-                        let reason = "the escapes are \\\\ \\\" \\n \\r \\t and \\x00 to \\x7F; \
-                                      r\"…\" takes everything as it stands";
-                        return Err(FilterError::new(self.text, at..self.at, reason));
-                    }
-                },
+                '\\' => text.push(self.escaped().ok_or_else(|| {
+                    let reason = "the escapes are \\\\ \\\" \\n \\r \\t and \\x00 to \\x7F; \
+                                  r\"…\" takes everything as it stands";
+                    FilterError::new(self.text, at..self.at, reason)
+                })?),
                 _ => text.push(letter),
             }
         }

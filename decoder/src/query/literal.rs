@@ -43,7 +43,7 @@ impl Literal {
         let mut literal = Self::default();
         match needed {
             FieldType::Any => {
-                literal.number = is_number(operand).then(|| number(text)).flatten();
+                literal.number = if is_word { number(text) } else { None };
                 literal.bytes = data(operand);
                 literal.text = Some(text.to_owned());
             }
@@ -55,7 +55,7 @@ impl Literal {
                 };
             }
             FieldType::Unsigned | FieldType::Integer | FieldType::Real | FieldType::Seconds => {
-                literal.number = is_number(operand).then(|| number(text)).flatten();
+                literal.number = if is_word { number(text) } else { None };
             }
             FieldType::Code | FieldType::Id if is_word => literal.number = Some(code(text)?),
             FieldType::Object if is_word => literal.object = Some(object(text)?),
@@ -99,7 +99,7 @@ impl Literal {
         if values.is_empty() || values.contains(&text) || self.number.is_some() {
             return Ok(());
         }
-        let hint = match nearest(text, values.iter().copied()) {
+        let hint = match nearest(text, &values.iter().copied()) {
             Some(value) => format!("did you mean {value}?"),
             None => format!("there are {}", values.join(", ")),
         };
@@ -111,8 +111,9 @@ impl Literal {
         match *told {
             FieldValue::Null => None,
             FieldValue::Bool(told) => self.truth.map(|truth| told.cmp(&truth)),
-            FieldValue::Unsigned(told) => self.number?.order(i128::from(told) * SCALE),
-            FieldValue::Code(told, _) => self.number?.order(i128::from(told) * SCALE),
+            FieldValue::Unsigned(told) | FieldValue::Code(told, _) => {
+                self.number?.order(i128::from(told) * SCALE)
+            }
             FieldValue::Integer(told) => self.number?.order(i128::from(told) * SCALE),
             FieldValue::Id(id) => self.number?.order(i128::from(id.number()) * SCALE),
             FieldValue::Seconds(told) => self.number?.order(i128::from(told)),
@@ -135,10 +136,6 @@ impl Literal {
 
 fn has_within(data: &[u8], part: &[u8]) -> bool {
     memchr::memmem::find(data, part).is_some()
-}
-
-fn is_number(operand: &Operand) -> bool {
-    !operand.is_quoted
 }
 
 /// `12`, `-3`, `0x1F`, `1.5`, `2e3`.
@@ -220,16 +217,12 @@ fn object(text: &str) -> Result<ObjectAddress, String> {
         let digits = text.strip_prefix("0x").unwrap_or(text);
         hex_number(digits.strip_suffix('h').unwrap_or(digits))
     };
-    let (index, sub) = match lower.split_once(':').or_else(|| lower.split_once("sub")) {
-        Some((index, sub)) => (hex(index), hex(sub)),
-        None => {
-            let whole = hex(&lower).map(|index| format!("0x{index:04X}"));
-            let index = whole.unwrap_or_else(|| "0x1018".into());
-            return Err(format!(
-                "an object is index and sub-index: {index}:00; for all sub-indexes ask for .index"
-            ));
-        }
+    let Some((index, sub)) = lower.split_once(':').or_else(|| lower.split_once("sub")) else {
+        let index = hex(&lower).map_or_else(|| "0x1018".into(), |index| format!("0x{index:04X}"));
+        let reason = "an object is index and sub-index:";
+        return Err(format!("{reason} {index}:00; for all sub-indexes ask for .index"));
     };
+    let (index, sub) = (hex(index), hex(sub));
     let index = index.and_then(|index| u16::try_from(index).ok());
     let sub = sub.and_then(|sub| u8::try_from(sub).ok());
     match (index, sub) {
