@@ -6,7 +6,8 @@ use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::{
     Abort, BootCause, Certainty, Crc, Direction, EmcyAction, Emergency, Event, EventKind, FrameRange, Mode,
-    ObjectChange, Outcome, Pdo, Protocol, SdoTransfer, Silence, StateCause, StateChange, Undecoded,
+    ObjectChange, Outcome, Pdo, PowerSign, Protocol, SdoTransfer, Silence, StateCause, StateChange,
+    Undecoded,
 };
 use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags, MAX_DATA, Timestamp};
 use cobscope_decoder::profile::{DataType, Field, Layout, PdoDirection, PdoName};
@@ -84,7 +85,7 @@ fn nodes() -> Vec<EventKind> {
         EventKind::NmtState(change),
         EventKind::NmtState(StateChange { from: None, after: None, ..change }),
         EventKind::BootUp { cause: BootCause::Commanded { frame: 1 } },
-        EventKind::BootUp { cause: BootCause::PresumedPowerOn },
+        EventKind::BootUp { cause: BootCause::PresumedPowerOn { sign: Some(PowerSign::BusWasSilent) } },
         EventKind::Heartbeat { state: Some(NmtState::Stopped), code: 4 },
         EventKind::Heartbeat { state: None, code: 9 },
         EventKind::GuardRequest,
