@@ -168,7 +168,7 @@ impl Validator {
                     let target = self.root.pointer(target).unwrap().clone();
                     self.value(&target, value, at)?;
                 }
-                // Told apart from `other` only: words for people, and rules that are kept.
+                // Words for people, and rules that were kept.
                 "$schema" | "$id" | "$defs" | "title" | "description" | "examples" | "then" | "type"
                 | "minimum" | "const" => {}
                 other => panic!("keyword {other}"),
