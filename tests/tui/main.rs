@@ -5,6 +5,7 @@ mod cli;
 mod docs;
 mod explain;
 mod filter;
+mod objects;
 mod readme;
 #[path = "../support/mod.rs"]
 mod support;

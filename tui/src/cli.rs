@@ -26,6 +26,8 @@ pub struct Cli {
 pub enum Command {
     /// Print what happened, one event a line
     Decode(DecodeArgs),
+    /// Show what is known of the nodes' objects, and from where
+    Objects(ObjectsArgs),
     /// Say what a code, an identifier, an object or one frame means
     ///
     /// THING is an SDO abort code (06020000), an EMCY code (8130), an object (1018:01, 0x1018:01,
@@ -118,6 +120,59 @@ pub struct DecodeArgs {
     /// Colours: auto uses them on a terminal unless NO_COLOR is set
     #[arg(long, value_name = "WHEN", default_value = "auto")]
     pub color: Color,
+}
+
+/// `cobscope objects`.
+#[derive(Debug, Args)]
+pub struct ObjectsArgs {
+    #[command(flatten)]
+    pub input: InputArgs,
+    /// Node-ID, decimal or 0x…, with its bus if there are several: [BUS:]ID (default: list the nodes)
+    #[arg(long, value_name = "NODE")]
+    pub node: Option<NodeChoice>,
+    /// Show them as they were then: 12.5 (seconds from the first frame), #1234 (frame), or a date and time
+    #[arg(long, value_name = "TIME")]
+    pub at: Option<Bound>,
+    /// Output format
+    #[arg(short, long, value_name = "FORMAT", default_value = "text")]
+    pub format: ReportFormat,
+}
+
+/// Formats of reports.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ReportFormat {
+    /// Tables for people
+    Text,
+    /// One JSON object a line
+    Json,
+}
+
+/// A node, with its bus if that matters.
+#[derive(Debug, Clone)]
+pub struct NodeChoice {
+    /// Name of the bus.
+    pub bus: Option<String>,
+    /// Node-ID, 1 to 127.
+    pub id: u8,
+}
+
+impl std::str::FromStr for NodeChoice {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let (bus, id) = match text.rsplit_once(':') {
+            Some((bus, id)) => (Some(bus.to_owned()), id),
+            None => (None, text),
+        };
+        let number = match id.strip_prefix("0x") {
+            Some(digits) => u8::from_str_radix(digits, 16).ok(),
+            None => id.parse().ok(),
+        };
+        match number {
+            Some(id @ 1..=127) => Ok(Self { bus, id }),
+            _ => Err("expected a node-ID from 1 to 127, decimal or 0x…, as 5, 0x05 or can0:5"),
+        }
+    }
 }
 
 /// Meaning of candump's relative stamps.

@@ -49,6 +49,19 @@ impl FromStr for Bound {
     }
 }
 
+impl Bound {
+    /// Whether it lies before `frame` of a capture that begins at `first`; a frame without time is never
+    /// behind a time.
+    pub fn is_before(self, frame: &Frame, first: Option<Timestamp>) -> bool {
+        let behind = match self {
+            Self::Frame(number) => Some(frame.number > number),
+            Self::Moment(moment) => frame.time.map(|time| time > moment),
+            Self::Offset(offset) => frame.time.zip(first).map(|(time, first)| time.since(first) > offset),
+        };
+        behind.unwrap_or(false)
+    }
+}
+
 /// Seconds with at most nine digits behind the point.
 fn nanoseconds(text: &str) -> Option<i64> {
     let (seconds, fraction) = text.split_once('.').unwrap_or((text, "0"));

@@ -27,6 +27,16 @@ impl OriginKind {
     }
 }
 
+impl OriginKind {
+    /// What happened, in a word for people.
+    pub const fn verb(self) -> &'static str {
+        match self {
+            Self::Download => "written",
+            Self::Upload => "read",
+        }
+    }
+}
+
 /// Origin of a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Origin {

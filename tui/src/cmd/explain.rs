@@ -42,7 +42,6 @@ fn code(thing: &str) -> Vec<String> {
     let digits = digits.strip_suffix(['h', 'H']).unwrap_or(digits);
     let Ok(number) = u32::from_str_radix(digits, 16) else { return Vec::new() };
     match (u16::try_from(number), digits.len()) {
-        (Err(_), _) => vec![abort_code(number)],
         (Ok(id), ..=3) if id <= 0x7FF => vec![identifier(id)],
         (Ok(number), 4) => four_digits(number),
         _ => vec![abort_code(number)],

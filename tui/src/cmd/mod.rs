@@ -2,6 +2,7 @@
 
 mod decode;
 mod explain;
+mod objects;
 mod shell;
 
 use std::io::Write as _;
@@ -21,6 +22,7 @@ use crate::source;
 pub fn run(cli: Cli) -> Exit {
     match cli.command {
         Command::Decode(arguments) => decode::run(&arguments),
+        Command::Objects(arguments) => objects::run(&arguments),
         Command::Explain { thing } => explain::run(&thing),
         Command::Completions { shell } => shell::completions(shell),
         Command::Man => shell::man(),

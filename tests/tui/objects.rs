@@ -1,0 +1,51 @@
+//! `cobscope objects`.
+
+use crate::cli::run;
+
+#[test]
+fn the_nodes_that_have_objects() {
+    let output = run(&["objects", "fixtures/canopen/guarding.log"], "");
+    assert_eq!(output.stdout, "node 1/01 on can0: 2 objects (--node 1)\n");
+}
+
+#[test]
+fn values_with_their_origin() {
+    // 100C written as F4 01 = 500 and confirmed by frame 3; 100D as 03, confirmed by frame 5.
+    let output = run(&["objects", "--node", "0x01", "fixtures/canopen/guarding.log"], "");
+    let lines: Vec<&str> = output.stdout.lines().collect();
+    assert_eq!(lines[0], "node 1/01 on can0: 2 objects");
+    let words = |line: &str| line.split_whitespace().map(str::to_owned).collect::<Vec<_>>().join(" ");
+    assert_eq!(words(lines[1]), "100C:00 Guard time 500 ms written {3} 0.002 s F4 01");
+    assert_eq!(words(lines[2]), "100D:00 Life time factor 3 written {5} 0.004 s 03");
+}
+
+#[test]
+fn as_it_was_at_a_frame_or_a_time() {
+    let values = |at: &str| {
+        let output = run(
+            &["objects", "--node", "2", "--at", at, "-f", "json", "fixtures/canopen/pdo_mapping.log"],
+            "",
+        );
+        assert_eq!(output.code, 0, "{}", output.stderr);
+        let lines =
+            output.stdout.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
+        lines
+            .filter(|object| object["object"] == "0x1A00:00")
+            .map(|object| object["value"].clone())
+            .collect::<Vec<_>>()
+    };
+    // 1A00:00 is written as 0 (frame 11), 2 (17), 0 (24) and 2 (30).
+    assert_eq!(values("#10"), Vec::<serde_json::Value>::new());
+    assert_eq!(values("#11"), [0]);
+    assert_eq!(values("#20"), [2]);
+    assert_eq!(values("#24"), [0]);
+    assert_eq!(values("60"), [2]);
+}
+
+#[test]
+fn a_time_in_a_capture_without_times_is_refused() {
+    let output = run(&["objects", "--at", "1.5"], "can0 701#00\n");
+    assert_eq!(output.code, 3);
+    assert!(output.stderr.contains("has no times"), "{}", output.stderr);
+    assert_eq!(run(&["objects", "--node", "200"], "").code, 2);
+}

@@ -1,0 +1,180 @@
+//! `cobscope objects`: what is known of a node's objects, and from where.
+
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::Path;
+
+use cobscope_decoder::capture::{Batch, Item};
+use cobscope_decoder::decoder::Decoder;
+use cobscope_decoder::event::Event;
+use cobscope_decoder::frame::Timestamp;
+use cobscope_decoder::profile::{self, Value};
+use cobscope_decoder::session::{Bus, Entry, Node};
+use cobscope_decoder::sink::escape;
+use cobscope_decoder::wire::canopen::ObjectAddress;
+use serde_json::json;
+
+use super::{captures, complain, read_options, session_options};
+use crate::cli::{ObjectsArgs, ReportFormat};
+use crate::exit_code::Exit;
+use crate::select::Bound;
+use crate::source;
+
+/// Runs the command.
+pub fn run(arguments: &ObjectsArgs) -> Exit {
+    let mut exit = Exit::Clean;
+    let mut output = String::new();
+    let captures = captures(&arguments.input);
+    for path in &captures {
+        let name = path.display().to_string();
+        match decode_until(path, arguments) {
+            Ok((decoder, first)) => {
+                if captures.len() > 1 && arguments.format == ReportFormat::Text {
+                    let _ = writeln!(output, "== {}", escape(&name));
+                }
+                for bus in decoder.buses() {
+                    tell(bus, arguments, first, &name, &mut output);
+                }
+            }
+            Err(error) => {
+                complain(&error);
+                exit = exit.max(Exit::Capture);
+            }
+        }
+    }
+    // A closed pipe is no failure.
+    let _ = std::io::stdout().write_all(output.as_bytes());
+    exit
+}
+
+/// Decodes a capture up to the moment asked for; gives the decoder as it is then and the first time.
+fn decode_until(path: &Path, arguments: &ObjectsArgs) -> anyhow::Result<(Decoder, Option<Timestamp>)> {
+    let mut capture = source::open(path, &read_options(&arguments.input))?;
+    let mut decoder = Decoder::new(session_options(&arguments.input));
+    let mut batch = Batch::new();
+    let mut first = None;
+    let mut ignore = |_: &Event, _: &Bus| ();
+    'reading: while capture.reader.read(&mut batch)? {
+        for item in batch.items() {
+            match item {
+                Item::Frame(frame) => {
+                    let first = *first.get_or_insert(frame.time);
+                    if arguments.at.is_some_and(|at| at.is_before(frame, first)) {
+                        break 'reading;
+                    }
+                    decoder.push(frame, capture.reader.buses(), &mut ignore);
+                }
+                Item::Notice(notice) => decoder.notice(notice, capture.reader.buses(), &mut ignore),
+            }
+        }
+        capture.progress.tick();
+    }
+    capture.progress.finish();
+    let Some(first) = first else { anyhow::bail!("{}: holds no frame", path.display()) };
+    let wants_time = matches!(arguments.at, Some(Bound::Offset(_) | Bound::Moment(_)));
+    anyhow::ensure!(
+        first.is_some() || !wants_time,
+        "{}: has no times; give a frame as --at #1234",
+        path.display()
+    );
+    Ok((decoder, first))
+}
+
+/// Tells what is asked for of one bus.
+fn tell(bus: &Bus, arguments: &ObjectsArgs, first: Option<Timestamp>, capture: &str, output: &mut String) {
+    let nodes = bus.nodes().filter(|node| !node.store().is_empty());
+    let Some(wanted) = &arguments.node else {
+        for node in nodes {
+            overview(bus, node, arguments.format, capture, output);
+        }
+        return;
+    };
+    if wanted.bus.as_deref().is_some_and(|name| name != bus.name()) {
+        return;
+    }
+    let Some(node) = bus.node(wanted.id) else { return };
+    if arguments.format == ReportFormat::Text {
+        let _ = writeln!(output, "{}: {} objects", label(bus, node), node.store().len());
+    }
+    for (object, entry) in node.store().sorted() {
+        match arguments.format {
+            ReportFormat::Text => row(object, entry, first, output),
+            ReportFormat::Json => {
+                let _ = writeln!(output, "{}", record(bus, node, object, entry, capture));
+            }
+        }
+    }
+}
+
+/// `node 2/02 pump on can0`.
+fn label(bus: &Bus, node: &Node) -> String {
+    let name = node.name().map_or(String::new(), |name| format!(" {}", escape(name)));
+    format!("node {0}/{0:02X}{name} on {1}", node.id(), escape(bus.name()))
+}
+
+fn overview(bus: &Bus, node: &Node, format: ReportFormat, capture: &str, output: &mut String) {
+    let count = node.store().len();
+    let _ = match format {
+        ReportFormat::Text => {
+            writeln!(output, "{}: {count} objects (--node {})", label(bus, node), node.id())
+        }
+        ReportFormat::Json => {
+            let record = json!({"capture": capture, "bus": bus.name(), "node": node.id(), "objects": count});
+            writeln!(output, "{record}")
+        }
+    };
+}
+
+/// One object in columns; of long data the beginning.
+fn row(object: ObjectAddress, entry: &Entry, first: Option<Timestamp>, output: &mut String) {
+    const SHOWN_BYTES: usize = 16;
+    let known = profile::communication_objects().find(object);
+    let name = known.map_or(String::new(), |known| known.name());
+    let value = match known.map(|known| (known, known.decode(&entry.value))) {
+        Some((_, Value::Bytes(_))) | None => String::new(),
+        Some((known, value)) => known.show(&value),
+    };
+    let stale = if entry.stale { "?" } else { "" };
+    let time = entry.origin.time.zip(first).map_or(String::new(), |(time, first)| {
+        let milliseconds = time.since(first) / 1_000_000;
+        format!(" {}.{:03} s", milliseconds / 1000, milliseconds.unsigned_abs() % 1000)
+    });
+    let shown = entry.value.get(..SHOWN_BYTES).unwrap_or(&entry.value);
+    let data = Value::Bytes(shown.to_vec()).to_string();
+    let more =
+        if entry.size > shown.len() as u64 { format!(" … {} bytes", entry.size) } else { String::new() };
+    let line = format!(
+        "{object}  {name:<50}  {:<18}  {:<7} {{{}}}{time}  {data}{more}",
+        format!("{value}{stale}"),
+        entry.origin.kind.verb(),
+        entry.origin.frame
+    );
+    let _ = writeln!(output, "{}", escape(line.trim_end()));
+}
+
+/// One object as a JSON object.
+fn record(bus: &Bus, node: &Node, object: ObjectAddress, entry: &Entry, capture: &str) -> serde_json::Value {
+    let known = profile::communication_objects().find(object);
+    let value = known.map(|known| known.decode(&entry.value)).and_then(|value| match value {
+        Value::Unsigned(value) => Some(json!(value)),
+        Value::Integer(value) => Some(json!(value)),
+        Value::Real(value) => Some(json!(value)),
+        Value::Text(text) => Some(json!(text)),
+        Value::Bytes(_) => None,
+    });
+    let data: Vec<String> = entry.value.iter().map(|byte| format!("{byte:02X}")).collect();
+    json!({
+        "capture": capture,
+        "bus": bus.name(),
+        "node": node.id(),
+        "object": format!("0x{object}"),
+        "name": known.map(|known| known.name()),
+        "value": value,
+        "unit": known.map(|known| known.unit).filter(|unit| !unit.is_empty()),
+        "data": data.concat(),
+        "size": entry.size,
+        "origin": entry.origin.kind.name(),
+        "frame": entry.origin.frame,
+        "stale": entry.stale,
+    })
+}
