@@ -1,0 +1,135 @@
+//! Fields of what is about the bus and the capture, and their words.
+
+use super::{FieldValue, Fields};
+use crate::event::EventKind;
+use crate::frame::FrameFlags;
+use crate::profile;
+use crate::wire::error_frame::ErrorFrame;
+
+/// Kinds that are about bus and capture rather than a node.
+pub(super) fn about_the_bus(kind: &EventKind, fields: &mut dyn Fields) {
+    match kind {
+        EventKind::CanError(error) => can_error(*error, fields),
+        EventKind::Frame(undecoded) => {
+            fields.field("id", FieldValue::Id(undecoded.frame.id));
+            if let Some(name) = undecoded.name {
+                fields.field("name", FieldValue::Text(name));
+            }
+            frame_flags(undecoded.frame.flags, fields);
+            fields.field("size", FieldValue::Unsigned(u64::from(undecoded.frame.length)));
+            fields.field("data", FieldValue::Bytes(undecoded.frame.data()));
+        }
+        EventKind::Malformed { error, reason } => {
+            fields.field("layer", FieldValue::Text(error.layer));
+            fields.field("offset", FieldValue::Unsigned(u64::from(error.offset)));
+            fields.field("needed", FieldValue::Unsigned(u64::from(error.needed)));
+            fields.field("available", FieldValue::Unsigned(u64::from(error.available)));
+            fields.field("reason", FieldValue::Text(reason));
+        }
+        EventKind::Evicted { what, count } => {
+            fields.field("what", FieldValue::Text(what));
+            fields.field("count", FieldValue::Unsigned(*count));
+        }
+        EventKind::ClockStep { step } => fields.field("step", FieldValue::Seconds(*step)),
+        EventKind::BusSilent { gap } => fields.field("gap", FieldValue::Seconds(*gap)),
+        EventKind::LostFrames { count } => {
+            fields.field("count", count.map_or(FieldValue::Null, FieldValue::Unsigned));
+        }
+        EventKind::Unreadable { line, offset, reason } => {
+            if let Some(line) = line {
+                fields.field("line", FieldValue::Unsigned(*line));
+            }
+            if let Some(offset) = offset {
+                fields.field("offset", FieldValue::Unsigned(*offset));
+            }
+            fields.field("reason", FieldValue::Text(reason));
+        }
+        EventKind::Note { text } => fields.field("text", FieldValue::Text(text)),
+        _ => {}
+    }
+}
+
+fn frame_flags(flags: FrameFlags, fields: &mut dyn Fields) {
+    if flags.contains(FrameFlags::REMOTE) {
+        fields.field("remote", FieldValue::Bool(true));
+    }
+    if flags.contains(FrameFlags::FD) {
+        fields.field("fd", FieldValue::Bool(true));
+    }
+}
+
+fn can_error(error: ErrorFrame, fields: &mut dyn Fields) {
+    let names = profile::can_errors();
+    let classes: Vec<&str> = names.classes.names(error.classes).filter(|name| *name != "counters").collect();
+    fields.field("class", FieldValue::Text(&classes.join(",")));
+    fields.field("text", FieldValue::Text(&can_error_text(error)));
+    // linux/can/error.h: the counters are valid with class bit 0x200; older drivers fill them anyway.
+    if error.classes & 0x200 != 0 || error.transmit_errors != 0 || error.receive_errors != 0 {
+        fields.field("tx_errors", FieldValue::Unsigned(u64::from(error.transmit_errors)));
+        fields.field("rx_errors", FieldValue::Unsigned(u64::from(error.receive_errors)));
+    }
+}
+
+/// What an error frame says, in words.
+pub fn can_error_text(error: ErrorFrame) -> String {
+    let names = profile::can_errors();
+    let mut parts: Vec<String> = Vec::new();
+    for class in names.classes.names(error.classes) {
+        let details: Vec<&str> = match class {
+            "controller" => names.controller.texts(u32::from(error.controller)).collect(),
+            "protocol" => {
+                let location =
+                    names.location.text_of(u32::from(error.location)).filter(|_| error.location != 0);
+                names.protocol.texts(u32::from(error.protocol)).chain(location).collect()
+            }
+            "transceiver" => names.transceiver.text_of(u32::from(error.transceiver)).into_iter().collect(),
+            "counters" => continue,
+            _ => names.classes.texts(error.classes & class_bit(class)).collect(),
+        };
+        let at = if class == "lost-arbitration" && error.arbitration_bit != 0 {
+            format!(" at bit {}", error.arbitration_bit)
+        } else {
+            String::new()
+        };
+        let details = if details.is_empty() {
+            names.classes.texts(error.classes & class_bit(class)).collect::<String>()
+        } else {
+            details.join(", ")
+        };
+        parts.push(format!("{details}{at}"));
+    }
+    if parts.is_empty() { format!("unknown error class {:08X}", error.classes) } else { parts.join("; ") }
+}
+
+fn class_bit(name: &str) -> u32 {
+    let names = &profile::can_errors().classes;
+    (0..29).map(|bit| 1 << bit).find(|bit| names.names(*bit).any(|found| found == name)).unwrap_or(0)
+}
+
+/// A TIME message's content as a date (CiA 301 §7.1.6.5: days since 1984-01-01).
+pub fn time_of_day(milliseconds: u32, days: u16) -> String {
+    let midnight = jiff::civil::date(1984, 1, 1).saturating_add(jiff::Span::new().days(i64::from(days)));
+    let time = midnight.at(0, 0, 0, 0).checked_add(jiff::Span::new().milliseconds(i64::from(milliseconds)));
+    time.map_or_else(|_| format!("{days} d {milliseconds} ms"), |time| format!("{time:.3}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wire::error_frame;
+
+    #[test]
+    fn time_of_day_counts_from_1984() {
+        // 14,610 days after 1984-01-01 is 2024-01-01; 43,200,000 ms is noon.
+        assert_eq!(time_of_day(43_200_000, 14_610), "2024-01-01T12:00:00.000");
+    }
+
+    #[test]
+    fn error_frames_in_words() {
+        let error = error_frame::parse(0x2000_0204, &[0, 0x04, 0, 0, 0, 0, 96, 128]);
+        assert_eq!(can_error_text(error), "receive errors at warning level");
+        let error = error_frame::parse(0x2000_0008, &[0, 0, 0x04, 0x19, 0, 0, 0, 0]);
+        assert_eq!(can_error_text(error), "bit stuffing error, ACK slot");
+        assert_eq!(can_error_text(error_frame::parse(0x2000_0040, &[])), "controller is bus-off");
+    }
+}

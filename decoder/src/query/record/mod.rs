@@ -1,0 +1,158 @@
+//! The fields of an event, in output order.
+//!
+//! A sink writes what [`visit`] tells it; a filter looks for the one it wants. `fields.toml` above this
+//! file describes every key; a test holds both to each other.
+
+mod bus;
+mod node;
+mod transfer;
+
+pub use bus::{can_error_text, time_of_day};
+pub(crate) use transfer::signals;
+pub use transfer::{direction, mode};
+
+use crate::event::{Event, EventKind, Protocol};
+use crate::frame::{CanId, Timestamp};
+use crate::session::Bus;
+use crate::wire::canopen::ObjectAddress;
+
+/// One field's value.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum FieldValue<'a> {
+    /// Known to be unknown.
+    Null,
+    /// True or false.
+    Bool(bool),
+    /// Counts, node-IDs, raw numbers.
+    Unsigned(u64),
+    /// Signed numbers.
+    Integer(i64),
+    /// Scaled numbers; not finite ones are written as null.
+    Real(f64),
+    /// Names and texts.
+    Text(&'a str),
+    /// Nanoseconds, written as seconds.
+    Seconds(i64),
+    /// A code, written `"0x…"` with this many digits.
+    Code(u64, u8),
+    /// An identifier, written in hex without 0x.
+    Id(CanId),
+    /// An object, written `"0x1018:01"`.
+    Object(ObjectAddress),
+    /// Data, written as hex pairs.
+    Bytes(&'a [u8]),
+}
+
+/// Takes fields as they come.
+pub trait Fields {
+    /// A field of the present object, or of the present list's item if `key` is empty.
+    fn field(&mut self, key: &'static str, value: FieldValue<'_>);
+    /// A nested object begins; an item of a list if `key` is empty.
+    fn open(&mut self, key: &'static str);
+    /// It ends.
+    fn close(&mut self);
+    /// A list begins.
+    fn open_list(&mut self, key: &'static str);
+    /// It ends.
+    fn close_list(&mut self);
+    /// Whether signals are worth computing.
+    fn wants_signals(&self) -> bool {
+        true
+    }
+}
+
+/// Tells `fields` everything about an event.
+pub fn visit(event: &Event, bus: &Bus, capture: Option<&str>, fields: &mut dyn Fields) {
+    envelope(event, bus, capture, fields);
+    details(event, fields);
+}
+
+/// What depends on the kind.
+fn details(event: &Event, fields: &mut dyn Fields) {
+    match &event.kind {
+        EventKind::NmtCommand { service, target, from, to } => {
+            fields.field("command", FieldValue::Text(service.name()));
+            fields.field("target", FieldValue::Unsigned(u64::from(*target)));
+            if *target != 0 {
+                fields.field("from", from.map_or(FieldValue::Null, |from| FieldValue::Text(from.name())));
+                fields.field("to", to.map_or(FieldValue::Null, |to| FieldValue::Text(to.name())));
+            }
+        }
+        EventKind::NmtState(change) => node::state_change(change, fields),
+        EventKind::BootUp { cause } => node::boot_up(*cause, fields),
+        EventKind::Heartbeat { state, code } => node::node_state(*state, *code, fields),
+        EventKind::GuardRequest => {}
+        EventKind::GuardReply { state, code, toggle, toggle_error } => {
+            node::node_state(*state, *code, fields);
+            fields.field("toggle", FieldValue::Unsigned(u64::from(*toggle)));
+            if *toggle_error {
+                fields.field("toggle_error", FieldValue::Bool(true));
+            }
+        }
+        EventKind::NodeLost(silence) | EventKind::NodeBack(silence) => node::node_silence(silence, fields),
+        EventKind::Sync { counter, expected } => {
+            fields.field("counter", number_or_null(*counter));
+            if let Some(expected) = expected {
+                fields.field("expected", FieldValue::Unsigned(u64::from(*expected)));
+            }
+        }
+        EventKind::Time { milliseconds, days } => {
+            fields.field("time", FieldValue::Text(&time_of_day(*milliseconds, *days)));
+        }
+        EventKind::Emcy(emergency) => node::emcy(emergency, fields),
+        EventKind::Pdo(pdo) => transfer::process_data(pdo, fields),
+        EventKind::SdoTransfer(transfer) => transfer::sdo_transfer(transfer, fields),
+        EventKind::Lss { command, from_master, content } => {
+            node::lss(*command, *from_master, content, fields)
+        }
+        EventKind::NodeIdChange { from, to, by } => {
+            fields.field("from", number_or_null(*from));
+            fields.field("to", FieldValue::Unsigned(u64::from(*to)));
+            fields.field("by", FieldValue::Text(by));
+        }
+        EventKind::ObjectChange(change) => {
+            fields.field("object", FieldValue::Object(change.object));
+            fields.field("from", change.from.as_deref().map_or(FieldValue::Null, FieldValue::Bytes));
+            fields.field("to", FieldValue::Bytes(&change.to));
+            fields.field("origin", FieldValue::Text(change.origin));
+        }
+        _ => bus::about_the_bus(&event.kind, fields),
+    }
+}
+
+/// Tells `fields` only what every kind of event has.
+pub fn envelope(event: &Event, bus: &Bus, capture: Option<&str>, fields: &mut dyn Fields) {
+    fields.field("t", event.time.map_or(FieldValue::Null, |Timestamp(time)| FieldValue::Seconds(time)));
+    if let Some(capture) = capture {
+        fields.field("capture", FieldValue::Text(capture));
+    }
+    fields.field("bus", FieldValue::Text(bus.name()));
+    fields.open_list("frames");
+    fields.field("", FieldValue::Unsigned(event.frames.first));
+    fields.field("", FieldValue::Unsigned(event.frames.last));
+    fields.close_list();
+    fields.field("kind", FieldValue::Text(event.kind.name()));
+    fields.field("protocol", FieldValue::Text(protocol(event.protocol)));
+    if let Some(node) = event.node {
+        fields.field("node", FieldValue::Unsigned(u64::from(node)));
+        if let Some(name) = bus.node(node).and_then(|node| node.name()) {
+            fields.field("node_name", FieldValue::Text(name));
+        }
+    }
+    if event.presumed {
+        fields.field("presumed", FieldValue::Bool(true));
+    }
+}
+
+/// The name used in all output.
+pub const fn protocol(protocol: Protocol) -> &'static str {
+    match protocol {
+        Protocol::Can => "can",
+        Protocol::Canopen => "canopen",
+        Protocol::Capture => "capture",
+    }
+}
+
+fn number_or_null(number: Option<u8>) -> FieldValue<'static> {
+    number.map_or(FieldValue::Null, |number| FieldValue::Unsigned(u64::from(number)))
+}

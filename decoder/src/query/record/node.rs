@@ -1,0 +1,125 @@
+//! Fields of a node's life: states, boot-up, silence, errors, LSS.
+
+use super::{FieldValue, Fields};
+use crate::event::{BootCause, Certainty, Emergency, Silence, StateChange};
+use crate::profile;
+use crate::wire::canopen::NmtState;
+use crate::wire::canopen::lss::Content;
+
+pub(super) fn state_change(change: &StateChange, fields: &mut dyn Fields) {
+    fields.field("from", change.from.map_or(FieldValue::Null, |from| FieldValue::Text(from.name())));
+    fields.field("to", FieldValue::Text(change.to.name()));
+    fields.field("cause", FieldValue::Text(change.cause.name()));
+    fields.field("cause_frame", FieldValue::Unsigned(change.cause_frame));
+    fields.field("certainty", FieldValue::Text(certainty(change.certainty)));
+    if let Some(after) = change.after {
+        fields.field("after", FieldValue::Seconds(after));
+    }
+}
+
+const fn certainty(certainty: Certainty) -> &'static str {
+    match certainty {
+        Certainty::Presumed => "presumed",
+        Certainty::Confirmed => "confirmed",
+    }
+}
+
+pub(super) fn boot_up(cause: BootCause, fields: &mut dyn Fields) {
+    match cause {
+        BootCause::Commanded { frame } => {
+            fields.field("cause", FieldValue::Text("commanded"));
+            fields.field("cause_frame", FieldValue::Unsigned(frame));
+        }
+        BootCause::PresumedPowerOn { sign } => {
+            fields.field("cause", FieldValue::Text("presumed-power-on"));
+            if let Some(sign) = sign {
+                fields.field("sign", FieldValue::Text(sign.name()));
+            }
+        }
+    }
+}
+
+pub(super) fn node_state(state: Option<NmtState>, code: u8, fields: &mut dyn Fields) {
+    fields.field("state", state.map_or(FieldValue::Null, |state| FieldValue::Text(state.name())));
+    if state.is_none() {
+        fields.field("state_code", FieldValue::Unsigned(u64::from(code)));
+    }
+}
+
+pub(super) fn node_silence(silence: &Silence, fields: &mut dyn Fields) {
+    fields.field("last_frame", FieldValue::Unsigned(silence.last_frame));
+    fields.field(
+        "last_state",
+        silence.last_state.map_or(FieldValue::Null, |state| FieldValue::Text(state.name())),
+    );
+    fields.field(
+        "last_emcy",
+        silence.last_emcy.map_or(FieldValue::Null, |code| FieldValue::Code(u64::from(code), 4)),
+    );
+    fields.field("gap", FieldValue::Seconds(silence.gap));
+    fields.field("monitored_by", FieldValue::Text(silence.monitored_by));
+}
+
+pub(super) fn emcy(emergency: &Emergency, fields: &mut dyn Fields) {
+    match emergency.code {
+        Some(code) => {
+            fields.field("code", FieldValue::Code(u64::from(code), 4));
+            fields.field("text", FieldValue::Text(profile::emcy_codes().text(u32::from(code))));
+        }
+        None => fields.field("code", FieldValue::Null),
+    }
+    if let Some(register) = emergency.register {
+        fields.field("register", FieldValue::Code(u64::from(register), 2));
+    }
+    if emergency.vendor_length > 0 {
+        let vendor = emergency.vendor.get(..usize::from(emergency.vendor_length)).unwrap_or_default();
+        fields.field("vendor_data", FieldValue::Bytes(vendor));
+    }
+    fields.field("action", FieldValue::Text(emergency.action.name()));
+    fields.field("active", FieldValue::Unsigned(u64::from(emergency.active)));
+    fields.field("byte_order", FieldValue::Text(emergency.byte_order.name()));
+}
+
+pub(super) fn lss(command: u8, from_master: bool, content: &Content, fields: &mut dyn Fields) {
+    fields.field("service", FieldValue::Text(profile::lss().service(command)));
+    fields.field("direction", FieldValue::Text(if from_master { "request" } else { "response" }));
+    match *content {
+        Content::Nothing => {}
+        Content::Mode(mode) => {
+            let mode = match mode {
+                0 => FieldValue::Text("waiting"),
+                1 => FieldValue::Text("configuration"),
+                other => FieldValue::Unsigned(u64::from(other)),
+            };
+            fields.field("mode", mode);
+        }
+        Content::NodeId(id) => fields.field("node_id", FieldValue::Unsigned(u64::from(id))),
+        Content::BitTiming { table, entry } => {
+            fields.field("table", FieldValue::Unsigned(u64::from(table)));
+            fields.field("index", FieldValue::Unsigned(u64::from(entry)));
+            if let Some(rate) = profile::lss().bit_rate(entry).filter(|_| table == 0) {
+                fields.field("bit_rate", FieldValue::Unsigned(u64::from(rate) * 1000));
+            }
+        }
+        Content::Delay(delay) => fields.field("delay_ms", FieldValue::Unsigned(u64::from(delay))),
+        Content::Number(number) => {
+            fields.field(profile::lss().number_key(command), FieldValue::Code(u64::from(number), 8));
+        }
+        Content::Result { code, specific } => {
+            fields.field("error", FieldValue::Unsigned(u64::from(code)));
+            fields.field("result", FieldValue::Text(if code == 0 { "ok" } else { "error" }));
+            if code != 0 {
+                fields.field("text", FieldValue::Text(profile::lss().result(command, code)));
+            }
+            if code == u8::MAX {
+                fields.field("specific", FieldValue::Unsigned(u64::from(specific)));
+            }
+        }
+        Content::FastScan { number, bit, sub, next } => {
+            fields.field("id_number", FieldValue::Code(u64::from(number), 8));
+            fields.field("bit_check", FieldValue::Unsigned(u64::from(bit)));
+            fields.field("lss_sub", FieldValue::Unsigned(u64::from(sub)));
+            fields.field("lss_next", FieldValue::Unsigned(u64::from(next)));
+        }
+    }
+}
