@@ -103,7 +103,7 @@ fn details(event: &Event, fields: &mut dyn Fields) {
         EventKind::Pdo(pdo) => transfer::process_data(pdo, fields),
         EventKind::SdoTransfer(transfer) => transfer::sdo_transfer(transfer, fields),
         EventKind::Lss { command, from_master, content } => {
-            node::lss(*command, *from_master, content, fields)
+            node::lss(*command, *from_master, content, fields);
         }
         EventKind::NodeIdChange { from, to, by } => {
             fields.field("from", number_or_null(*from));
