@@ -118,16 +118,23 @@ impl Bus {
     }
 
     /// The node with this node-ID, made if new.
+    #[inline]
     pub(super) fn node_mut(&mut self, id: u8) -> Option<&mut Node> {
-        let place = self.node_by_id.get_mut(usize::from(id))?;
-        if *place == 0 {
-            let count = u8::try_from(self.nodes.len() + 1).ok()?;
-            let name = self.options.node_names.iter().find(|(named, _)| *named == id);
-            self.nodes.push(Node::new(id, name.map(|(_, name)| name.as_str().into())));
-            *place = count;
-        }
-        let place = usize::from(*place) - 1;
-        self.nodes.get_mut(place)
+        let place = match *self.node_by_id.get(usize::from(id))? {
+            0 => self.add_node(id)?,
+            place => place,
+        };
+        self.nodes.get_mut(usize::from(place) - 1)
+    }
+
+    /// Makes a node; gives its place + 1.
+    #[cold]
+    fn add_node(&mut self, id: u8) -> Option<u8> {
+        let place = u8::try_from(self.nodes.len() + 1).ok()?;
+        let name = self.options.node_names.iter().find(|(named, _)| *named == id);
+        self.nodes.push(Node::new(id, name.map(|(_, name)| name.as_str().into())));
+        *self.node_by_id.get_mut(usize::from(id))? = place;
+        Some(place)
     }
 
     /// Gives a node another node-ID; the node that had it loses it. What was learnt of its identifiers

@@ -38,7 +38,8 @@ pub(super) struct FastLine {
 /// Second and interfaces of the lines before.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Cache {
-    seconds_text: [u8; 10],
+    /// `(1700000000.`, as two registers.
+    head: (u64, u32),
     nanoseconds: i64,
     names: [Name; 2],
 }
@@ -77,28 +78,28 @@ impl Cache {
         }
     }
 
-    #[inline]
-    fn seconds(&mut self, text: [u8; 10]) -> Option<i64> {
-        if text == self.seconds_text {
-            return Some(self.nanoseconds);
+    /// Another second than that of the line before.
+    #[cold]
+    fn new_second(&mut self, input: &[u8; WINDOW], head: (u64, u32)) -> Option<i64> {
+        let [open, digits @ .., point] = input.first_chunk::<12>()?;
+        if (*open, *point) != (b'(', b'.') {
+            return None;
         }
-        let value = text.iter().try_fold(0_i64, |value, digit| {
+        let value = digits.iter().try_fold(0_i64, |value, digit| {
             digit.is_ascii_digit().then(|| value * 10 + i64::from(digit - b'0'))
         })?;
         // Ten digits can be a few years beyond the last nanosecond there is: the general parser saturates.
         let nanoseconds = value.checked_mul(1_000_000_000)?;
-        (self.seconds_text, self.nanoseconds) = (text, nanoseconds);
+        (self.head, self.nanoseconds) = (head, nanoseconds);
         Some(nanoseconds)
     }
 
     /// Reads the line at the start of `input`; `None` leaves it to the general parser.
     #[inline]
     pub(super) fn parse(&mut self, input: &[u8; WINDOW]) -> Option<FastLine> {
-        let [open, s0, s1, s2, s3, s4, s5, s6, s7, s8, s9, point, ..] = *input;
-        if (open, point) != (b'(', b'.') {
-            return None;
-        }
-        let nanoseconds = self.seconds([s0, s1, s2, s3, s4, s5, s6, s7, s8, s9])?;
+        let end_of_head = load(input, 4)? >> 32;
+        let head = (load(input, 0)?, u32::try_from(end_of_head).ok()?);
+        let nanoseconds = if head == self.head { self.nanoseconds } else { self.new_second(input, head)? };
         let fraction = load(input, 12)?;
         if fraction >> 48 != u64::from(u16::from_le_bytes(*b") ")) {
             return None;
@@ -158,20 +159,17 @@ fn identifier(input: &[u8; WINDOW], start: usize) -> Option<(CanId, usize)> {
 }
 
 /// Up to sixteen hex digits from `start`: their bytes, first byte lowest, and the number of digits.
+///
+/// Always looks at sixteen: a branch on the length would be mispredicted too often.
 #[inline]
 fn hex_run(input: &[u8; WINDOW], start: usize) -> Option<(u64, usize)> {
     let low = load(input, start)?;
-    let wrong = not_hex(low);
-    if wrong != 0 {
-        let digits = wrong.trailing_zeros() as usize / 8;
-        let kept = low & !(u64::MAX << (digits * 8));
-        return Some((u64::from(pack(nibbles(kept))), digits));
-    }
     let high = load(input, start + 8)?;
-    let wrong = not_hex(high);
-    let digits = if wrong == 0 { 8 } else { wrong.trailing_zeros() as usize / 8 };
-    let kept = if digits == 8 { high } else { high & !(u64::MAX << (digits * 8)) };
-    Some((u64::from(pack(nibbles(low))) | u64::from(pack(nibbles(kept))) << 32, 8 + digits))
+    let wrong = u128::from(not_hex(low)) | u128::from(not_hex(high)) << 64;
+    let digits = wrong.trailing_zeros() / 8;
+    let bytes = u64::from(pack(nibbles(low))) | u64::from(pack(nibbles(high))) << 32;
+    let beyond = u64::MAX.checked_shl(digits * 4).unwrap_or(0);
+    Some((bytes & !beyond, digits as usize))
 }
 
 /// The top bit of each byte that is no hexadecimal digit.
