@@ -200,8 +200,8 @@ fn identifier(digits: &[u8]) -> Option<(CanId, FrameFlags)> {
         digits.iter().try_fold(0_u32, |value, digit| Some(value << 4 | u32::from(nibble(*digit)?)))?;
     match digits.len() {
         3 if number <= 0x7FF => Some((CanId::standard(u16::try_from(number).ok()?), FrameFlags(0))),
-        8 if number & ERROR_FLAG != 0 => Some((CanId::extended(number), FrameFlags::ERROR)),
         8 if number < ERROR_FLAG => Some((CanId::extended(number), FrameFlags(0))),
+        8 if number < 2 * ERROR_FLAG => Some((CanId::extended(number), FrameFlags::ERROR)),
         _ => None,
     }
 }
