@@ -1,0 +1,89 @@
+//! Fills the corpora with what the fixtures hold: `seeds FIXTURES CORPUS`.
+
+use std::error::Error;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use cobscope_decoder::capture::{Batch, ReadOptions, Reader};
+use cobscope_decoder::frame::{CanId, Frame, FrameFlags};
+use cobscope_fuzz::harness::session::encode;
+
+/// Frames of a capture that are used, and how many become one seed of the session: long ones slow the
+/// fuzzer down, and it joins seeds by itself.
+const FRAMES: usize = 320;
+const FRAMES_A_SEED: usize = 80;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut arguments = std::env::args_os().skip(1).map(PathBuf::from);
+    let (Some(fixtures), Some(corpus)) = (arguments.next(), arguments.next()) else {
+        return Err("usage: seeds FIXTURES CORPUS".into());
+    };
+    let mut files = Vec::new();
+    list(&fixtures, &mut files)?;
+    for path in files {
+        let bytes = fs::read(&path)?;
+        let name = path.strip_prefix(&fixtures)?.to_string_lossy().into_owned();
+        // Kept inputs go to the target they were found by.
+        if let Some((target, name)) = name.strip_prefix("fuzz/").and_then(|name| name.split_once('/')) {
+            put(&corpus, target, name, &bytes)?;
+            continue;
+        }
+        let name = name.replace('/', "_");
+        put(&corpus, "any", &name, &bytes)?;
+        let Ok(mut reader) = Reader::open(&bytes[..], &ReadOptions::default()) else { continue };
+        put(&corpus, reader.format().name, &name, &bytes)?;
+        let mut batch = Batch::new();
+        let mut frames = Vec::new();
+        while frames.len() < FRAMES && reader.read(&mut batch).unwrap_or(false) {
+            frames.extend_from_slice(batch.frames());
+        }
+        frames.truncate(FRAMES);
+        for (part, frames) in frames.chunks(FRAMES_A_SEED).enumerate() {
+            put(&corpus, "session", &format!("{name}.{part}"), &encode(frames))?;
+        }
+        for frame in &frames {
+            payload(&corpus, frame)?;
+        }
+    }
+    Ok(())
+}
+
+/// The payload of a frame for the wire parser of its identifier.
+fn payload(corpus: &Path, frame: &Frame) -> std::io::Result<()> {
+    let data = frame.data();
+    let name = data.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
+    let target = match frame.id {
+        CanId::Extended(id) if frame.flags.contains(FrameFlags::ERROR) => {
+            let bytes = [&id.to_le_bytes()[..], data].concat();
+            return put(corpus, "error_frame", &format!("{id:x}_{name}"), &bytes);
+        }
+        CanId::Extended(_) => return Ok(()),
+        CanId::Standard(0) => "nmt",
+        CanId::Standard(0x80) => "sync",
+        CanId::Standard(0x81..=0xFF) => "emcy",
+        CanId::Standard(0x100) => "time",
+        CanId::Standard(0x581..=0x67F) => "sdo",
+        CanId::Standard(0x701..=0x77F) => "error_control",
+        CanId::Standard(0x7E4 | 0x7E5) => "lss",
+        CanId::Standard(_) => return Ok(()),
+    };
+    put(corpus, target, &format!("p{name}"), data)
+}
+
+fn put(corpus: &Path, target: &str, name: &str, bytes: &[u8]) -> std::io::Result<()> {
+    let folder = corpus.join(target);
+    fs::create_dir_all(&folder)?;
+    fs::write(folder.join(name), bytes)
+}
+
+fn list(folder: &Path, files: &mut Vec<PathBuf>) -> std::io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        if path.is_dir() {
+            list(&path, files)?;
+        } else if path.extension().is_none_or(|extension| extension != "py" && extension != "md") {
+            files.push(path);
+        }
+    }
+    Ok(())
+}

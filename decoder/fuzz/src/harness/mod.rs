@@ -1,0 +1,70 @@
+//! What each fuzz target does with its bytes.
+//!
+//! A target is a function of bytes that panics when something is wrong: the code under test by itself, or
+//! an assertion here about what it must hold to whatever the bytes are. The same functions replay kept
+//! inputs as plain tests (`tests/decoder/fuzz_replay.rs` includes this folder).
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::indexing_slicing,
+    reason = "a broken promise panics here"
+)]
+#![allow(dead_code, reason = "fuzzer, seed writer and replay use a part each")]
+
+pub mod observe;
+pub mod pipeline;
+pub mod reader;
+pub mod session;
+pub mod wire;
+
+pub use pipeline::any;
+pub use session::session;
+pub use wire::{emcy, error_control, error_frame, lss, nmt, sdo, sync, time};
+
+/// A target: its name and its function.
+pub type Target = (&'static str, fn(&[u8]));
+
+/// All targets.
+pub const TARGETS: &[Target] = &[
+    ("candump", candump),
+    ("trc", trc),
+    ("asc", asc),
+    ("pcap", pcap),
+    ("pcapng", pcapng),
+    ("any", any),
+    ("nmt", nmt),
+    ("error_control", error_control),
+    ("sync", sync),
+    ("time", time),
+    ("emcy", emcy),
+    ("sdo", sdo),
+    ("lss", lss),
+    ("error_frame", error_frame),
+    ("session", session),
+];
+
+/// The candump reader.
+pub fn candump(data: &[u8]) {
+    reader::holds_its_contract("candump", data);
+}
+
+/// The reader of PEAK traces.
+pub fn trc(data: &[u8]) {
+    reader::holds_its_contract("trc", data);
+}
+
+/// The ASC reader.
+pub fn asc(data: &[u8]) {
+    reader::holds_its_contract("asc", data);
+}
+
+/// The pcap reader.
+pub fn pcap(data: &[u8]) {
+    reader::holds_its_contract("pcap", data);
+}
+
+/// The pcapng reader.
+pub fn pcapng(data: &[u8]) {
+    reader::holds_its_contract("pcapng", data);
+}

@@ -1,0 +1,122 @@
+//! Events: what every one of them and every line made of it must hold to.
+
+use cobscope_decoder::event::{Event, EventKind};
+use cobscope_decoder::session::{Bus, Observer};
+use cobscope_decoder::sink::jsonl::Jsonl;
+use cobscope_decoder::sink::text::{PdoLines, Text, TextOptions};
+
+/// What our own colours look like.
+const COLOURS: &[&str] = &["\x1b[2m", "\x1b[31m", "\x1b[32m", "\x1b[33m", "\x1b[0m"];
+
+/// Writes each event with every sink and checks what came out.
+pub struct Checker {
+    json: Jsonl<Shared>,
+    json_bytes: Shared,
+    texts: [(Text<Shared>, Shared); 2],
+    /// Number of the last frame pushed.
+    pub last_frame: u64,
+    /// Events so far.
+    pub events: usize,
+    /// Bytes written so far.
+    pub written: usize,
+    /// JSON lines, if they are to be kept.
+    pub kept: Option<Vec<String>>,
+    /// What was given up for a limit, as said.
+    pub evicted: Vec<&'static str>,
+}
+
+/// A buffer that its writer and its reader both hold.
+#[derive(Clone, Default)]
+struct Shared(std::rc::Rc<std::cell::RefCell<Vec<u8>>>);
+
+impl std::io::Write for Shared {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0.borrow_mut().extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Shared {
+    fn take(&self) -> String {
+        let bytes = std::mem::take(&mut *self.0.borrow_mut());
+        String::from_utf8(bytes).unwrap()
+    }
+}
+
+impl Default for Checker {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Checker {
+    /// A checker that has seen nothing.
+    pub fn new() -> Self {
+        let all = TextOptions {
+            pdo: PdoLines::All,
+            all: true,
+            frames: true,
+            verbose: true,
+            color: false,
+            ..TextOptions::default()
+        };
+        let text = |options| {
+            let bytes = Shared::default();
+            (Text::new(bytes.clone(), options), bytes)
+        };
+        let json_bytes = Shared::default();
+        Self {
+            json: Jsonl::new(json_bytes.clone()),
+            json_bytes,
+            texts: [text(all), text(TextOptions { color: true, ..all })],
+            last_frame: 0,
+            events: 0,
+            written: 0,
+            kept: None,
+            evicted: Vec::new(),
+        }
+    }
+
+    /// Keeps the JSON lines.
+    pub fn keeping() -> Self {
+        Self { kept: Some(Vec::new()), ..Self::new() }
+    }
+
+    fn json_line(&mut self, event: &Event) {
+        let line = self.json_bytes.take();
+        let value: serde_json::Value = serde_json::from_str(&line).unwrap_or_else(|e| panic!("{e}: {line}"));
+        assert!(line.ends_with('\n') && line.matches('\n').count() == 1, "{line}");
+        assert_eq!(value["kind"], event.kind.name(), "{line}");
+        assert!(value["bus"].is_string() && value["frames"].is_array(), "{line}");
+        self.written += line.len();
+        if let Some(kept) = &mut self.kept {
+            kept.push(line);
+        }
+    }
+}
+
+impl Observer for Checker {
+    fn event(&mut self, event: &Event, bus: &Bus) {
+        let frames = event.frames;
+        assert!(frames.first <= frames.last, "{event:?}");
+        assert!(frames.last <= self.last_frame, "{event:?} after frame {}", self.last_frame);
+        assert!(event.node.is_none_or(|node| (1..=127).contains(&node)), "{event:?}");
+        self.events += 1;
+        if let EventKind::Evicted { what, .. } = &event.kind {
+            self.evicted.push(what);
+        }
+        self.json.write(event, bus);
+        self.json_line(event);
+        for (text, bytes) in &mut self.texts {
+            text.write(event, bus);
+            let printed = bytes.take();
+            let plain = COLOURS.iter().fold(printed, |text, colour| text.replace(colour, ""));
+            assert!(!plain.chars().any(|c| c.is_control() && c != '\n'), "{}", plain.escape_debug());
+            self.written += plain.len();
+        }
+    }
+}

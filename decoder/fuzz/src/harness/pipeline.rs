@@ -1,0 +1,52 @@
+//! A capture from its first byte to its last event.
+
+use std::io::Read;
+
+use cobscope_decoder::capture::{Batch, Item, ReadOptions, Reader, decompress};
+use cobscope_decoder::decoder::Decoder;
+use cobscope_decoder::session::SessionOptions;
+
+use super::observe::Checker;
+
+/// Decompressed bytes looked at: a few bytes of gzip can be gigabytes.
+const LONGEST: u64 = 4 << 20;
+
+/// Any bytes as a capture: decompress, recognise, read, decode, print.
+pub fn any(data: &[u8]) {
+    let Ok(source) = decompress(data) else { return };
+    let Ok(mut reader) = Reader::open(source.take(LONGEST), &ReadOptions::default()) else { return };
+    let mut checker = Checker::new();
+    let _ = run(&mut reader, &mut Decoder::new(SessionOptions::default()), &mut checker);
+    // Six forms of an event are far below this; a line that grows with what came before is not.
+    assert!(checker.written <= 64 * 1024 * (checker.events + 1));
+}
+
+/// Reads and decodes to the end; gives what ended it early.
+pub fn run(reader: &mut Reader<impl Read>, decoder: &mut Decoder, checker: &mut Checker) -> Option<String> {
+    let mut batch = Batch::new();
+    let mut error = None;
+    let mut last = 0;
+    loop {
+        match reader.read(&mut batch) {
+            Ok(true) => {}
+            Ok(false) => break,
+            Err(cause) => {
+                error = Some(cause.to_string());
+                break;
+            }
+        }
+        for item in batch.items() {
+            match item {
+                Item::Frame(frame) => {
+                    assert_eq!(frame.number, last + 1);
+                    last = frame.number;
+                    checker.last_frame = last;
+                    decoder.push(frame, reader.buses(), checker);
+                }
+                Item::Notice(notice) => decoder.notice(notice, reader.buses(), checker),
+            }
+        }
+    }
+    decoder.finish(reader.buses(), checker);
+    error
+}

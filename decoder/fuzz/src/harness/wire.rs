@@ -1,0 +1,121 @@
+//! Wire parsers: bytes are read where they stand, and what is missing is said consistently.
+
+use cobscope_decoder::wire::canopen::emcy::{ByteOrder, Emcy};
+use cobscope_decoder::wire::canopen::sdo::{Payload, Phase, Sdo, Side};
+use cobscope_decoder::wire::{Malformed, canopen, error_frame as error_frames};
+
+/// Payload of a frame: at most what CAN FD carries.
+fn payload(data: &[u8]) -> &[u8] {
+    data.get(..64).unwrap_or(data)
+}
+
+/// More is needed than there is, counted from the same byte.
+fn is_consistent(error: Malformed, data: &[u8]) {
+    let Malformed { offset, needed, available, .. } = error;
+    assert_eq!(usize::from(offset) + usize::from(available), data.len(), "{error:?} of {data:02X?}");
+    assert!(needed > available, "{error:?} of {data:02X?}");
+}
+
+/// NMT commands.
+pub fn nmt(data: &[u8]) {
+    let data = payload(data);
+    match canopen::nmt::parse(data) {
+        Ok(command) => assert_eq!(command.target, data[1]),
+        Err(error) => is_consistent(error, data),
+    }
+}
+
+/// Heartbeat, boot-up, guarding.
+pub fn error_control(data: &[u8]) {
+    let data = payload(data);
+    match canopen::error_control::parse(data) {
+        Ok(message) => assert_eq!(u8::from(message.toggle) << 7 | message.code, data[0]),
+        Err(error) => is_consistent(error, data),
+    }
+}
+
+/// SYNC.
+pub fn sync(data: &[u8]) {
+    assert_eq!(canopen::sync::parse(payload(data)), data.first().copied());
+}
+
+/// TIME.
+pub fn time(data: &[u8]) {
+    let data = payload(data);
+    match canopen::time::parse(data) {
+        Ok(time) => assert!(time.milliseconds < 1 << 28 && data.len() >= 6),
+        Err(error) => is_consistent(error, data),
+    }
+}
+
+/// EMCY in both byte orders.
+pub fn emcy(data: &[u8]) {
+    let data = payload(data);
+    let [first, second] =
+        [ByteOrder::LsbFirst, ByteOrder::MsbFirst].map(|order| canopen::emcy::parse(data, order));
+    match (first, second) {
+        (Ok(Emcy::Error { code, vendor_length, .. }), Ok(Emcy::Error { code: swapped, .. })) => {
+            assert_eq!(code, swapped.swap_bytes());
+            assert_eq!(usize::from(vendor_length), data.len().saturating_sub(3).min(5));
+        }
+        (Ok(Emcy::Ready), Ok(Emcy::Ready)) => assert!(data.is_empty()),
+        (Err(error), Err(other)) => {
+            assert_eq!(error, other);
+            is_consistent(error, data);
+        }
+        (first, second) => panic!("{first:?} and {second:?}"),
+    }
+}
+
+/// SDO from both sides in both phases.
+pub fn sdo(data: &[u8]) {
+    let data = payload(data);
+    for side in [Side::Client, Side::Server] {
+        for phase in [Phase::Commands, Phase::BlockSegments] {
+            match canopen::sdo::parse(data, side, phase) {
+                Ok(message) => sdo_message(message, data, phase),
+                Err(error) => is_consistent(error, data),
+            }
+        }
+    }
+}
+
+fn sdo_message(message: Sdo<'_>, data: &[u8], phase: Phase) {
+    match message {
+        Sdo::InitiateDownload { payload: Payload::Expedited { data: value, .. }, .. }
+        | Sdo::UploadInitiated { payload: Payload::Expedited { data: value, .. }, .. } => {
+            assert_eq!(data.get(4..4 + value.len()), Some(value));
+            assert!(value.len() <= 4);
+        }
+        Sdo::DownloadSegment(segment) | Sdo::UploadSegment(segment) => {
+            assert_eq!(data.get(1..=segment.data.len()), Some(segment.data));
+            assert!(segment.data.len() <= 7);
+        }
+        Sdo::BlockSegment { sequence, data: value, .. } => {
+            assert!(phase == Phase::BlockSegments && sequence < 128);
+            assert_eq!(data.get(1..), Some(value));
+        }
+        Sdo::Abort { .. } => assert!(data[0] == 0x80 && data.len() >= 8),
+        Sdo::Unknown { command } => assert_eq!(command, data[0]),
+        _ => {}
+    }
+}
+
+/// LSS from both sides.
+pub fn lss(data: &[u8]) {
+    let data = payload(data);
+    for from_master in [false, true] {
+        match canopen::lss::parse(data, from_master) {
+            Ok(message) => assert_eq!(message.command, data[0]),
+            Err(error) => is_consistent(error, data),
+        }
+    }
+}
+
+/// SocketCAN error frames; the first four bytes are the identifier.
+pub fn error_frame(data: &[u8]) {
+    let Some((id, rest)) = data.split_first_chunk() else { return };
+    let frame = error_frames::parse(u32::from_le_bytes(*id), payload(rest));
+    assert!(frame.classes < 1 << 29);
+    assert_eq!(frame.controller, rest.get(1).copied().unwrap_or(0));
+}
