@@ -11,6 +11,12 @@ mod filters;
 mod formats_candump;
 mod formats_pcap;
 mod formats_text;
+mod fuzz_replay;
+#[path = "../../decoder/fuzz/src/harness/mod.rs"]
+mod harness;
+mod limits;
+mod malformed;
+mod properties;
 mod replay;
 mod sample_events;
 mod schema;

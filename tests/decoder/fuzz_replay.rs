@@ -1,0 +1,58 @@
+//! Inputs the fuzzers found, through the functions they were found with.
+
+use std::fs;
+use std::path::Path;
+
+use cobscope_decoder::capture::ReadOptions;
+
+use crate::harness::{self, TARGETS};
+use crate::support::workspace;
+
+/// Runs `target` with the name of the input ready for the message of its failure.
+fn replay(target: fn(&[u8]), path: &Path) {
+    let bytes = fs::read(path).unwrap();
+    let outcome = std::panic::catch_unwind(|| target(&bytes));
+    assert!(outcome.is_ok(), "{} fails: see above", path.display());
+}
+
+#[test]
+fn kept_inputs_of_every_target() {
+    let folder = workspace().join("fixtures/fuzz");
+    for (name, target) in TARGETS {
+        let inputs: Vec<_> = fs::read_dir(folder.join(name)).unwrap().collect();
+        assert!(!inputs.is_empty(), "{name} has no inputs");
+        for input in inputs {
+            replay(*target, &input.unwrap().path());
+        }
+    }
+}
+
+/// Whatever a capture is, every reader gets it, not only the one that recognises it.
+#[test]
+fn malformed_captures_through_every_reader() {
+    let readers = ["candump", "trc", "asc", "pcap", "pcapng"];
+    for entry in fs::read_dir(workspace().join("fixtures/malformed")).unwrap() {
+        let path = entry.unwrap().path();
+        for (name, target) in TARGETS {
+            if readers.contains(name) || *name == "any" {
+                replay(*target, &path);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_session_is_encoded_as_it_is_read() {
+    let path = workspace().join("fixtures/canopen/sdo_abort.log");
+    let bytes = fs::read(path).unwrap();
+    let content = harness::reader::parse(
+        &mut *(harness::reader::format("candump").parser)(&ReadOptions::default()),
+        &bytes,
+        || usize::MAX,
+    );
+    let again = harness::session::frames(harness::session::encode(&content.frames).get(1..).unwrap());
+    assert_eq!(again.len(), content.frames.len());
+    for (read, encoded) in content.frames.iter().zip(&again) {
+        assert_eq!((read.id, read.data(), read.flags), (encoded.id, encoded.data(), encoded.flags));
+    }
+}

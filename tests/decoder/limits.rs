@@ -1,0 +1,209 @@
+//! Every limit of the session has a capture that goes beyond it, and an event that says so. The captures
+//! are too large to keep, so they are made here.
+
+use cobscope_decoder::capture::BusNames;
+use cobscope_decoder::decoder::Decoder;
+use cobscope_decoder::frame::{CanId, Frame, FrameFlags, Timestamp};
+use cobscope_decoder::session::{
+    ACTIVE_ERROR_LIMIT, CHANNEL_LIMIT, EXTENDED_ID_LIMIT, OBJECT_LIMIT, OPEN_DATA_LIMIT, SessionOptions,
+    TRANSFER_DATA_LIMIT,
+};
+use serde_json::Value;
+
+use crate::harness::observe::Checker;
+
+/// A bus whose traffic is written here, frame by frame, a tenth of a millisecond apart.
+struct Scene {
+    decoder: Decoder,
+    checker: Checker,
+    names: BusNames,
+}
+
+impl Scene {
+    /// A bus with one heartbeat, so that it is believed to be CANopen.
+    fn new() -> Self {
+        let mut names = BusNames::default();
+        names.index_of(b"can0");
+        let decoder = Decoder::new(SessionOptions::default());
+        let mut scene = Self { decoder, checker: Checker::keeping(), names };
+        scene.standard(0x77F, &[5]);
+        scene
+    }
+
+    fn frame(&mut self, mut frame: Frame) {
+        frame.number = self.checker.last_frame + 1;
+        frame.time =
+            Some(Timestamp(1_700_000_000_000_000_000).plus(i64::try_from(frame.number).unwrap() * 100_000));
+        self.checker.last_frame = frame.number;
+        self.decoder.push(&frame, &self.names, &mut self.checker);
+    }
+
+    fn standard(&mut self, id: u16, data: &[u8]) {
+        self.frame(Frame::data_frame(CanId::standard(id), data));
+    }
+
+    /// A client writes four bytes, and the server confirms.
+    fn write(&mut self, node: u8, index: u16, sub: u8, value: u32) {
+        let ([low, high], [a, b, c, d]) = (index.to_le_bytes(), value.to_le_bytes());
+        self.standard(0x600 + u16::from(node), &[0x23, low, high, sub, a, b, c, d]);
+        self.standard(0x580 + u16::from(node), &[0x60, low, high, sub, 0, 0, 0, 0]);
+    }
+
+    /// A segment of a segmented download on a default channel, confirmed.
+    fn segment(&mut self, node: u8, number: usize) {
+        let toggle = if number.is_multiple_of(2) { 0 } else { 0x10 };
+        self.standard(0x600 + u16::from(node), &[toggle, 1, 2, 3, 4, 5, 6, 7]);
+        self.standard(0x580 + u16::from(node), &[0x20 | toggle, 0, 0, 0, 0, 0, 0, 0]);
+    }
+
+    fn evicted(&self, what: &str) -> usize {
+        self.checker.evicted.iter().filter(|evicted| **evicted == what).count()
+    }
+
+    /// The events from now on.
+    fn finish(mut self) -> Vec<Value> {
+        self.checker.kept = Some(Vec::new());
+        self.decoder.finish(&self.names, &mut self.checker);
+        self.checker.kept.iter().flatten().map(|line| serde_json::from_str(line).unwrap()).collect()
+    }
+}
+
+/// COB-ID of 29 bits, valid.
+fn cob_id(number: u32) -> u32 {
+    1 << 29 | number
+}
+
+#[test]
+fn sdo_channels() {
+    let mut scene = Scene::new();
+    for node in 1..=3 {
+        for index in 0x1201..0x1201 + 100 {
+            let number = u32::from(node) << 16 | u32::from(index);
+            scene.write(node, index, 1, cob_id(0x10_0000 + number));
+            scene.write(node, index, 2, cob_id(0x20_0000 + number));
+        }
+    }
+    // Three of the channels are the nodes' own.
+    assert_eq!(scene.evicted("SDO channel"), 300 + 3 - CHANNEL_LIMIT);
+    assert!(scene.decoder.footprint() < 256 << 10);
+}
+
+#[test]
+fn data_of_a_block_download_that_never_ends() {
+    let mut scene = Scene::new();
+    scene.standard(0x605, &[0xC2, 0x00, 0x20, 0, 0xFF, 0xFF, 0xFF, 0x7F]);
+    scene.standard(0x585, &[0xA0, 0x00, 0x20, 0, 127, 0, 0, 0]);
+    for _ in 0..100 {
+        (1..=127).for_each(|sequence| scene.standard(0x605, &[sequence, 1, 2, 3, 4, 5, 6, 7]));
+        scene.standard(0x585, &[0xA2, 127, 127, 0, 0, 0, 0, 0]);
+    }
+    assert!(scene.decoder.footprint() < 256 << 10);
+    let events = scene.finish();
+    let transfer = events.iter().find(|event| event["kind"] == "sdo-transfer").unwrap();
+    assert_eq!((&transfer["truncated"], &transfer["outcome"]), (&true.into(), &"unfinished".into()));
+    assert_eq!(transfer["size"].as_u64(), Some(100 * 127 * 7));
+    assert_eq!(transfer["data"].as_str().unwrap().len(), 2 * TRANSFER_DATA_LIMIT);
+}
+
+#[test]
+fn data_of_all_open_transfers() {
+    let mut scene = Scene::new();
+    let nodes = 1..=100;
+    for node in nodes.clone() {
+        scene.standard(0x600 + u16::from(node), &[0x20, 0x00, 0x20, 0, 0, 0, 0, 0]);
+        scene.standard(0x580 + u16::from(node), &[0x60, 0x00, 0x20, 0, 0, 0, 0, 0]);
+    }
+    // In turn, so that none is ever silent long enough to be given up; 100 of 49 KB are over the limit.
+    for number in 0..7_000 {
+        nodes.clone().for_each(|node| scene.segment(node, number));
+    }
+    assert!(scene.evicted("data of open SDO transfers") > 0);
+    let footprint = scene.decoder.footprint();
+    assert!(footprint < OPEN_DATA_LIMIT * 2, "{footprint}");
+    let events = scene.finish();
+    let transfers: Vec<_> = events.iter().filter(|event| event["kind"] == "sdo-transfer").collect();
+    assert_eq!(transfers.len(), 100);
+    let kept = |event: &&Value| event["data"].as_str().map_or(0, str::len) / 2;
+    assert!(transfers.iter().map(kept).sum::<usize>() <= OPEN_DATA_LIMIT);
+    // Where data was dropped, none is kept: what came later is no beginning.
+    assert!(transfers.iter().all(|event| event["size"] == 49_000));
+    assert!(transfers.iter().all(|event| matches!(kept(event), 0 | 49_000)));
+    assert!(transfers.iter().all(|event| (event["truncated"] == true) == (kept(event) == 0)));
+}
+
+#[test]
+fn active_errors() {
+    let mut scene = Scene::new();
+    for code in 0..200_u16 {
+        let [low, high] = (0x1000 + code).to_le_bytes();
+        scene.standard(0x085, &[low, high, 1, 0, 0, 0, 0, 0]);
+    }
+    assert_eq!(scene.evicted("active error"), 200 - ACTIVE_ERROR_LIMIT);
+    assert_eq!(scene.decoder.buses()[0].node(5).unwrap().active_errors().len(), ACTIVE_ERROR_LIMIT);
+}
+
+#[test]
+fn objects() {
+    let mut scene = Scene::new();
+    for number in 0..5_000 {
+        scene.write(5, 0x2000 + number, 0, 7);
+    }
+    assert_eq!(scene.evicted("object"), 5_000 - OBJECT_LIMIT);
+    assert_eq!(scene.decoder.buses()[0].node(5).unwrap().store().len(), OBJECT_LIMIT);
+}
+
+#[test]
+fn extended_identifiers() {
+    let mut scene = Scene::new();
+    for number in 0..10_000 {
+        scene.frame(Frame::data_frame(CanId::extended(number * 16), &[1]));
+    }
+    // Once: every frame of a further identifier would say the same.
+    assert_eq!(scene.evicted("29-bit identifiers kept apart"), 1);
+    assert!(scene.decoder.footprint() < 512 << 10);
+    let events = scene.finish();
+    let total = events.iter().find(|event| event["kind"] == "note").unwrap();
+    assert!(total["text"].as_str().unwrap().starts_with("10000 frames"), "{total}");
+}
+
+#[test]
+fn learnt_identifiers() {
+    let mut scene = Scene::new();
+    for node in 1..=9 {
+        for index in 0x1800..0x1800 + 500 {
+            scene.write(node, index, 1, cob_id(u32::from(node) << 16 | u32::from(index)));
+        }
+    }
+    assert_eq!(scene.evicted("learnt identifier"), 9 * 500 - EXTENDED_ID_LIMIT);
+}
+
+/// A boot-up drops what was learnt; with everything learnt that can be, it must not cost a walk through
+/// all of it for each identifier.
+#[test]
+fn boot_ups_of_a_node_that_was_told_much() {
+    let mut scene = Scene::new();
+    for pdo in 0..500 {
+        scene.write(5, 0x1800 + pdo, 1, cob_id(0x1000 + u32::from(pdo)));
+        scene.frame(Frame::data_frame(CanId::extended(0x1000 + u32::from(pdo)), &[1]));
+    }
+    for _ in 0..2_000 {
+        scene.standard(0x705, &[0]);
+    }
+    assert_eq!(scene.decoder.buses()[0].node(5).unwrap().boots(), 2_000);
+}
+
+/// Each identifier gives an event a frame at most, whatever comes.
+#[test]
+fn a_storm_of_every_identifier() {
+    let mut scene = Scene::new();
+    scene.checker.kept = None;
+    for round in 0..8_u8 {
+        for id in 0..0x800 {
+            let mut frame = Frame::data_frame(CanId::standard(id), &[round.wrapping_mul(0x21); 8]);
+            frame.flags = if round == 7 { FrameFlags::REMOTE } else { FrameFlags(0) };
+            scene.frame(frame);
+        }
+    }
+    assert!(scene.checker.events < 8 * 0x800 * 3, "{}", scene.checker.events);
+    assert!(scene.decoder.footprint() < 1 << 20);
+}

@@ -1,0 +1,164 @@
+//! Hostile captures, those in `fixtures/malformed/`.
+
+use std::fs;
+
+use cobscope_decoder::capture::{MAX_BUSES, ReadOptions, Reader, decompress};
+use cobscope_decoder::decoder::{Decoder, SHOWN_UNREADABLE};
+use cobscope_decoder::session::SessionOptions;
+use serde_json::Value;
+
+use crate::harness::observe::Checker;
+use crate::harness::pipeline;
+use crate::support::workspace;
+
+/// What a capture came to.
+#[derive(Debug)]
+struct Outcome {
+    frames: u64,
+    unreadable: u64,
+    error: Option<String>,
+    events: Vec<Value>,
+    written: usize,
+    footprint: usize,
+}
+
+impl Outcome {
+    fn of_kind(&self, kind: &str) -> Vec<&Value> {
+        self.events.iter().filter(|event| event["kind"] == kind).collect()
+    }
+}
+
+/// From bytes to events, past every check of the harness.
+fn decode(bytes: &[u8]) -> Result<Outcome, String> {
+    let source = decompress(bytes).map_err(|error| error.to_string())?;
+    let mut reader = Reader::open(source, &ReadOptions::default()).map_err(|error| error.to_string())?;
+    let mut decoder = Decoder::new(SessionOptions::default());
+    let mut checker = Checker::keeping();
+    let error = pipeline::run(&mut reader, &mut decoder, &mut checker);
+    let events = checker.kept.iter().flatten().map(|line| serde_json::from_str(line).unwrap());
+    Ok(Outcome {
+        frames: checker.last_frame,
+        unreadable: decoder.unreadable(),
+        error,
+        events: events.collect(),
+        written: checker.written,
+        footprint: decoder.footprint(),
+    })
+}
+
+fn decode_file(name: &str) -> Result<Outcome, String> {
+    decode(&fs::read(workspace().join("fixtures/malformed").join(name)).unwrap())
+}
+
+/// Captures that can be opened: frames, lines or records that cannot be read, and what ends them early.
+const READABLE: &[(&str, u64, u64, &str)] = &[
+    ("block_4_gib.pcapng", 0, 1, ""),
+    ("block_length_0.pcapng", 0, 1, ""),
+    ("candump_errors.log", 38, 38, ""),
+    ("candump_last_second.log", 16, 0, ""),
+    ("device_name_escapes.log", 15, 0, ""),
+    ("every_length.log", 86, 0, ""),
+    ("header_cut_off.pcap", 0, 0, "expected a header of 24 bytes"),
+    ("header_only.pcap", 0, 0, ""),
+    ("interface_names.log", 9, 0, ""),
+    ("interfaces_70.log", 64, 6, ""),
+    ("packet_4_gib.pcap", 1, 2, ""),
+    ("packet_cut_off.pcap", 1, 1, ""),
+    ("packet_without_interface.pcapng", 0, 1, ""),
+    ("sdo_commands.log", 519, 0, ""),
+    ("sdo_storm.log", 508, 0, ""),
+    ("time_jumps.log", 24, 0, ""),
+];
+
+const GZIPPED: &[(&str, u64, u64, &str)] = &[
+    ("bomb.log.gz", 2, 1, ""),
+    ("cut_off.log.gz", 338, 0, "incomplete deflate stream"),
+    ("long_lines.log.gz", 3, 2, ""),
+];
+
+/// Captures that cannot be opened, and why.
+const UNREADABLE: &[(&str, &str)] = &[
+    ("cut_off.log.zst", "incomplete frame"),
+    ("cut_off_header.log.gz", "unexpected end of file"),
+    ("not_gzip.log.gz", "invalid gzip header"),
+    ("not_zstd.log.zst", "Unsupported frame parameter"),
+];
+
+/// Whether this build reads a file with this name.
+fn is_supported(name: &str) -> bool {
+    let is_gzip = std::path::Path::new(name).extension().is_some_and(|end| end == "gz");
+    let is_zstd = std::path::Path::new(name).extension().is_some_and(|end| end == "zst");
+    (cfg!(feature = "gzip") || !is_gzip) && (cfg!(feature = "zstd") || !is_zstd)
+}
+
+#[test]
+fn what_can_be_read_is_read() {
+    for (name, frames, unreadable, end) in READABLE.iter().chain(GZIPPED) {
+        if !is_supported(name) {
+            continue;
+        }
+        let outcome = decode_file(name).unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert_eq!((outcome.frames, outcome.unreadable), (*frames, *unreadable), "{name}");
+        let error = outcome.error.unwrap_or_default();
+        assert!(error.ends_with(end) && error.is_empty() == end.is_empty(), "{name}: {error}");
+        assert!(outcome.written < 1 << 20, "{name}: {} bytes", outcome.written);
+        assert!(outcome.footprint < 512 << 10, "{name}: {} bytes", outcome.footprint);
+    }
+}
+
+#[test]
+fn what_cannot_be_read_says_why() {
+    for (name, why) in UNREADABLE {
+        let error = decode_file(name).unwrap_err();
+        assert!(!is_supported(name) || error.contains(why), "{name}: {error}");
+    }
+}
+
+#[test]
+fn no_file_is_left_out_above() {
+    let listed = READABLE.iter().chain(GZIPPED).map(|(name, ..)| *name);
+    let mut listed: Vec<_> = listed.chain(UNREADABLE.iter().map(|(name, _)| *name)).collect();
+    listed.push("make_malformed.py");
+    let readme = fs::read_to_string(workspace().join("fixtures/README.md")).unwrap();
+    for entry in fs::read_dir(workspace().join("fixtures/malformed")).unwrap() {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        assert!(listed.contains(&name.as_str()), "{name} is not in the tables");
+        assert!(readme.contains(&format!("`{name}`")), "{name} is not in fixtures/README.md");
+    }
+}
+
+/// Each bad line is followed by a good one: none of them takes its neighbour with it.
+#[test]
+fn the_first_bad_lines_are_shown_and_the_others_counted() {
+    let outcome = decode_file("candump_errors.log").unwrap();
+    let shown = outcome.of_kind("unreadable");
+    assert_eq!(shown.len() as u64, SHOWN_UNREADABLE + 1);
+    assert_eq!(shown.last().unwrap()["reason"], format!("{} more, 38 in all", 38 - SHOWN_UNREADABLE));
+}
+
+#[test]
+fn a_hostile_device_name_arrives_whole_in_json() {
+    let outcome = decode_file("device_name_escapes.log").unwrap();
+    let transfers = outcome.of_kind("sdo-transfer");
+    let name = b"\x1b]0;owned\x07\x1b[2J\r\n::error::x\n\xff\xfe\x9b31m\0end!!!";
+    let hex = transfers[0]["data"].as_str().unwrap();
+    let bytes = (0..hex.len()).step_by(2).map(|at| u8::from_str_radix(&hex[at..at + 2], 16).unwrap());
+    assert_eq!(bytes.collect::<Vec<_>>(), name);
+    assert_eq!((transfers.len(), &transfers[0]["outcome"]), (1, &"complete".into()));
+}
+
+#[test]
+fn interface_names_are_made_text_and_cut() {
+    let outcome = decode_file("interface_names.log").unwrap();
+    let boot: Vec<_> = outcome.events.iter().filter_map(|event| event["bus"].as_str()).collect();
+    assert!(boot.contains(&"\u{FFFD}\u{FFFD}\u{FFFD}"), "{boot:?}");
+    assert!(boot.contains(&"::error::pwned") && boot.contains(&"n".repeat(32).as_str()), "{boot:?}");
+}
+
+#[test]
+fn more_interfaces_than_a_capture_may_have_are_unreadable() {
+    let outcome = decode_file("interfaces_70.log").unwrap();
+    assert_eq!(outcome.frames, MAX_BUSES as u64);
+    let reasons = outcome.of_kind("unreadable");
+    assert!(reasons.iter().all(|event| event["reason"] == format!("more than {MAX_BUSES} interfaces")));
+}

@@ -1,0 +1,367 @@
+//! What holds for any input: no bytes break a reader or a wire parser, the two ways of reading candump
+//! agree, and neither pieces nor checkpoints make a difference.
+
+use std::fs;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use cobscope_decoder::capture::{
+    Batch, BusNames, FORMATS, Item, LARGEST_RECORD, Notice, Position, ReadOptions, Reader, decompress,
+};
+use cobscope_decoder::decoder::Decoder;
+use cobscope_decoder::frame::Frame;
+use cobscope_decoder::session::SessionOptions;
+use proptest::prelude::*;
+
+use crate::harness::observe::Checker;
+use crate::harness::reader::{self, Content};
+use crate::harness::{TARGETS, Target};
+use crate::support::{corpus, skip, workspace};
+
+/// A checkpoint may hold this much of its own, whatever the capture.
+const CHECKPOINT_LIMIT: usize = 256 * 1024;
+
+/// Frames of a corpus capture that are decoded here: the tests must stay quick.
+const CORPUS_FRAMES: usize = 20_000;
+
+fn config(cases: u32) -> ProptestConfig {
+    ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
+}
+
+/// All files below a folder that are captures in a known format, decompressed.
+fn captures(folder: &Path) -> Vec<(String, Vec<u8>)> {
+    let mut found = Vec::new();
+    let mut folders = vec![folder.to_path_buf()];
+    while let Some(folder) = folders.pop() {
+        let mut paths: Vec<PathBuf> =
+            fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+        paths.sort();
+        for path in paths {
+            if path.is_dir() {
+                folders.push(path);
+                continue;
+            }
+            let packed = fs::read(&path).unwrap();
+            let mut bytes = Vec::new();
+            let unpacked =
+                decompress(&packed[..]).is_ok_and(|mut source| source.read_to_end(&mut bytes).is_ok());
+            if unpacked && Reader::open(&bytes[..], &ReadOptions::default()).is_ok() {
+                found.push((path.display().to_string(), bytes));
+            }
+        }
+    }
+    found
+}
+
+fn fixtures(folder: &str) -> Vec<(String, Vec<u8>)> {
+    captures(&workspace().join("fixtures").join(folder))
+}
+
+fn corpus_captures() -> Vec<(String, Vec<u8>)> {
+    if !corpus().join("README.md").exists() {
+        skip("corpus", &format!("{} is not there", corpus().display()));
+        return Vec::new();
+    }
+    captures(&corpus())
+}
+
+// Readers and wire parsers.
+
+/// Text that is more often nearly right than random bytes are.
+fn text() -> impl Strategy<Value = Vec<u8>> {
+    let words = prop::sample::select(vec![
+        "(1700000000.123456)",
+        "can0",
+        "vcan1",
+        "123#1122",
+        "18FEF100##1AA",
+        "701#R",
+        "20000004#0004",
+        " ",
+        "  ",
+        "\n",
+        "\r\n",
+        "\r",
+        "[8]",
+        "11 22 33",
+        "1)",
+        "17.5",
+        "Rx",
+        "DT",
+        "0601",
+        "d 8",
+        "CANFD",
+        "\t",
+        "_9",
+        ";$FILEVERSION=2.1\n",
+        "base hex  timestamps absolute\n",
+        "\u{FEFF}",
+        "ErrorFrame",
+        "(0.5)",
+        "\x1b[31m",
+    ]);
+    prop::collection::vec(words, 0..60).prop_map(|words| words.concat().into_bytes())
+}
+
+fn target(name: &str) -> Target {
+    *TARGETS.iter().find(|(known, _)| *known == name).unwrap()
+}
+
+proptest! {
+    #![proptest_config(config(300))]
+
+    #[test]
+    fn any_bytes_into_any_reader(
+        bytes in prop_oneof![prop::collection::vec(any::<u8>(), 0..3_000), text()],
+        magic in prop::sample::select(vec![&b""[..], b"\n\r\r\n", b"\xD4\xC3\xB2\xA1", b"\x1F\x8B\x08"]),
+    ) {
+        let bytes = [magic, &bytes].concat();
+        for format in FORMATS {
+            reader::holds_its_contract(format.name, &bytes);
+        }
+        target("any").1(&bytes);
+    }
+
+    #[test]
+    fn any_bytes_into_any_wire_parser_and_the_session(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+        for (name, target) in TARGETS {
+            if !FORMATS.iter().any(|format| format.name == *name) {
+                target(&bytes);
+            }
+        }
+    }
+}
+
+/// The longest input a reader must take some of, and one byte around it, of every byte that means
+/// something to one.
+#[test]
+fn readers_take_some_of_the_largest_record() {
+    for format in FORMATS {
+        for byte in *b"x;0\r \t\xFF\x00\n(" {
+            for length in [LARGEST_RECORD - 1, LARGEST_RECORD, LARGEST_RECORD + 1] {
+                let mut bytes = vec![byte; length];
+                reader::parse(&mut *(format.parser)(&ReadOptions::default()), &bytes, || usize::MAX);
+                *bytes.last_mut().unwrap() = b'\r';
+                reader::parse(&mut *(format.parser)(&ReadOptions::default()), &bytes, || LARGEST_RECORD / 3);
+            }
+        }
+    }
+}
+
+// The fast path of candump's common line against the general one.
+
+/// A line of the common form, or one near it.
+fn line() -> impl Strategy<Value = String> {
+    let seconds = prop_oneof![9 => 1_699_999_998_u64..1_700_000_002, 1 => 0..10_000_000_000_u64];
+    let bus = prop::sample::select(vec!["can0", "can1", "vcan0", "c", "elevenchars", "seven77", "eight888"]);
+    let id = prop_oneof![
+        4 => (0..0x810_u32).prop_map(|id| format!("{id:03X}")),
+        2 => (0..0x4000_0000_u32).prop_map(|id| format!("{id:08X}")),
+        1 => (0..0x1000_u32).prop_map(|id| format!("{id:08x}")),
+    ];
+    // Pairs of digits mostly, up to one more than a frame holds.
+    let pairs = prop::collection::vec(0..16_u8, 0..19).prop_map(|mut digits| {
+        digits.truncate(digits.len() / 2 * 2);
+        digits
+    });
+    let data = prop_oneof![9 => pairs, 1 => prop::collection::vec(0..16_u8, 0..19)];
+    let upper = any::<bool>();
+    (seconds, 0..1_000_000_u32, bus, id, data, upper).prop_map(|(seconds, micros, bus, id, data, upper)| {
+        let digit = |nibble: &u8| char::from_digit(u32::from(*nibble), 16).unwrap();
+        let data: String = data.iter().map(digit).collect();
+        let data = if upper { data.to_uppercase() } else { data };
+        format!("({seconds:010}.{micros:06}) {bus} {id}#{data}")
+    })
+}
+
+/// Frames, and where notices stand: what is wrong with a line reads otherwise when a blank ends it.
+fn candump(text: &[u8]) -> (Vec<Frame>, Vec<(usize, String)>, Vec<String>) {
+    let format = reader::format("candump");
+    let content = reader::parse(&mut *(format.parser)(&ReadOptions::default()), text, || usize::MAX);
+    let said = |notice: &Notice| notice.to_string().split(':').next().unwrap().to_owned();
+    let notices = content.notices.iter().map(|(at, notice)| (*at, said(notice))).collect();
+    (content.frames, notices, content.buses)
+}
+
+proptest! {
+    #![proptest_config(config(1_500))]
+
+    #[test]
+    fn the_fast_path_reads_what_the_general_path_reads(
+        lines in prop::collection::vec(line(), 1..12),
+        edits in prop::collection::vec((any::<prop::sample::Index>(), 0x20_u8..), 0..4),
+    ) {
+        let mut text = lines.join("\n").into_bytes();
+        for (at, byte) in edits {
+            let at = at.index(text.len());
+            // The number of lines stays: the other text is made line by line.
+            if text[at] != b'\n' {
+                text[at] = byte;
+            }
+        }
+        text.push(b'\n');
+        // The window of the fast path must not reach beyond the end for the last lines either.
+        text.extend(b"* a comment that is long enough to keep the window of the fast path full *\n");
+        let general = |end: &str| {
+            let lines = text.split_inclusive(|byte| *byte == b'\n');
+            lines.flat_map(|line| [&line[..line.len() - 1], end.as_bytes()].concat()).collect::<Vec<u8>>()
+        };
+        let fast = candump(&text);
+        prop_assert_eq!(&fast, &candump(&general(" \n")));
+        prop_assert_eq!(&fast, &candump(&general("\r\n")));
+    }
+}
+
+// Pieces and places.
+
+/// All that a reader gives, from where it stands.
+fn rest(reader: &mut Reader<impl Read>) -> Content {
+    let mut content = Content::default();
+    let mut batch = Batch::new();
+    loop {
+        match reader.read(&mut batch) {
+            Ok(true) => {}
+            Ok(false) => break,
+            Err(error) => {
+                content.error = Some(error.to_string());
+                break;
+            }
+        }
+        let before = content.frames.len();
+        content.notices.extend(batch.notices().iter().map(|(at, notice)| (before + at, notice.clone())));
+        content.frames.extend_from_slice(batch.frames());
+    }
+    content.buses = reader.buses().names().to_vec();
+    content
+}
+
+#[test]
+fn pieces_of_any_size_read_as_the_whole() {
+    for (name, bytes) in ["dialects", "canopen", "malformed"].into_iter().flat_map(fixtures) {
+        let format = Reader::open(&bytes[..], &ReadOptions::default()).unwrap().format();
+        let parse = |piece: &mut dyn FnMut() -> usize| {
+            reader::parse(&mut *(format.parser)(&ReadOptions::default()), &bytes, piece)
+        };
+        let whole = parse(&mut || usize::MAX);
+        // Byte by byte is quadratic where the reader waits for many lines before it decides.
+        let smallest = if bytes.len() < 16 << 10 { 1 } else { 4_093 };
+        for size in [smallest, 7_919] {
+            assert_eq!(parse(&mut || size), whole, "{name} in pieces of {size}");
+        }
+    }
+}
+
+#[test]
+fn reading_goes_on_from_any_position() {
+    for (name, bytes) in ["dialects", "canopen", "malformed"].into_iter().flat_map(fixtures) {
+        let mut reader = Reader::open(&bytes[..], &ReadOptions::default()).unwrap();
+        let mut batch = Batch::new();
+        let mut positions: Vec<(usize, usize, Position)> = vec![(0, 0, reader.position())];
+        let (mut frames, mut notices) = (0, 0);
+        while reader.read(&mut batch).unwrap_or(false) {
+            frames += batch.frames().len();
+            notices += batch.notices().len();
+            positions.push((frames, notices, reader.position()));
+        }
+        let whole = rest(&mut Reader::open(&bytes[..], &ReadOptions::default()).unwrap());
+        for (frames, notices, position) in positions {
+            let source = &bytes[usize::try_from(position.offset).unwrap()..];
+            let content = rest(&mut Reader::resume(source, &position.clone()));
+            assert_eq!(content.frames, whole.frames[frames..], "{name} from {}", position.offset);
+            let texts =
+                |notices: &[(usize, Notice)]| notices.iter().map(|(_, n)| n.clone()).collect::<Vec<_>>();
+            assert_eq!(texts(&content.notices), texts(&whole.notices[notices..]), "{name}");
+            assert_eq!((content.buses, content.error), (whole.buses.clone(), whole.error.clone()), "{name}");
+        }
+    }
+}
+
+// Checkpoints.
+
+/// One thing a reader gave, kept.
+enum Kept {
+    Frame(Frame),
+    Notice(Notice),
+}
+
+fn kept(bytes: &[u8], most: usize) -> (Vec<Kept>, BusNames) {
+    let mut reader = Reader::open(bytes, &ReadOptions::default()).unwrap();
+    let mut batch = Batch::new();
+    let mut all = Vec::new();
+    while all.len() < most && reader.read(&mut batch).unwrap_or(false) {
+        all.extend(batch.items().map(|item| match item {
+            Item::Frame(frame) => Kept::Frame(*frame),
+            Item::Notice(notice) => Kept::Notice(notice.clone()),
+        }));
+    }
+    (all, reader.buses().clone())
+}
+
+fn push(decoder: &mut Decoder, item: &Kept, names: &BusNames, checker: &mut Checker) {
+    match item {
+        Kept::Frame(frame) => {
+            checker.last_frame = frame.number;
+            decoder.push(frame, names, checker);
+        }
+        Kept::Notice(notice) => decoder.notice(notice, names, checker),
+    }
+}
+
+/// Decodes on from a clone at each of `places`; the lines must be those of the decoder that went through.
+fn goes_on_from(name: &str, items: &[Kept], names: &BusNames, places: &[usize]) {
+    let mut decoder = Decoder::new(SessionOptions::default());
+    let mut checker = Checker::keeping();
+    let mut clones = Vec::new();
+    for (index, item) in items.iter().enumerate() {
+        if places.contains(&index) {
+            clones.push((
+                index,
+                checker.last_frame,
+                checker.kept.as_ref().map_or(0, Vec::len),
+                decoder.clone(),
+            ));
+        }
+        push(&mut decoder, item, names, &mut checker);
+        assert!(decoder.footprint() <= CHECKPOINT_LIMIT, "{name}: {} bytes", decoder.footprint());
+    }
+    decoder.finish(names, &mut checker);
+    let whole = checker.kept.unwrap();
+    for (index, last_frame, before, mut clone) in clones {
+        let mut checker = Checker::keeping();
+        checker.last_frame = last_frame;
+        items[index..].iter().for_each(|item| push(&mut clone, item, names, &mut checker));
+        clone.finish(names, &mut checker);
+        let after = checker.kept.unwrap();
+        assert!(after == whole[before..], "{name}: from item {index} other events follow");
+    }
+}
+
+#[test]
+fn decoding_goes_on_from_a_clone_at_any_frame_of_every_fixture() {
+    for (name, bytes) in fixtures("canopen") {
+        let (items, names) = kept(&bytes, usize::MAX);
+        // Every place of the short ones, 40 of the long ones; never only round numbers.
+        let step = (items.len() / 40).max(1);
+        let places: Vec<_> =
+            (0..=items.len()).step_by(step).map(|place| place.saturating_sub(place % 3)).collect();
+        goes_on_from(&name, &items, &names, &places);
+    }
+}
+
+#[test]
+fn checkpoints_of_corpus_captures_are_small_and_go_on() {
+    for (name, bytes) in corpus_captures() {
+        let (items, names) = kept(&bytes, CORPUS_FRAMES);
+        goes_on_from(&name, &items, &names, &[items.len() / 3, items.len() * 2 / 3]);
+    }
+}
+
+proptest! {
+    #![proptest_config(config(60))]
+
+    /// Sessions made of any frames, rather than of those a fixture has.
+    #[test]
+    fn decoding_goes_on_from_a_clone_in_any_session(bytes in prop::collection::vec(any::<u8>(), 1..2_000)) {
+        target("session").1(&bytes);
+    }
+}
