@@ -8,4 +8,5 @@ pub mod query;
 pub mod replay;
 pub mod session;
 pub mod sink;
+pub mod statistics;
 pub mod wire;

@@ -7,5 +7,6 @@ mod explain;
 mod filter;
 mod objects;
 mod readme;
+mod stats;
 #[path = "../support/mod.rs"]
 mod support;

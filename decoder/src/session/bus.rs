@@ -103,6 +103,35 @@ impl Bus {
         (1..=127).filter_map(|id| self.node(id))
     }
 
+    /// What an identifier means now, for people: `TPDO1 of 5`, `SDO response of 15`.
+    pub fn describe_id(&self, id: CanId) -> String {
+        match self.routes.find(id).and_then(|slot| self.routes.slot(slot)).map(|slot| slot.service) {
+            _ if !self.belief.is_believed() => String::new(),
+            None | Some(Service::Unclassified) => String::new(),
+            Some(Service::Named(name)) => name.to_owned(),
+            Some(Service::Nmt) => "NMT".to_owned(),
+            Some(Service::Sync) => "SYNC".to_owned(),
+            Some(Service::Time) => "TIME".to_owned(),
+            Some(Service::Emcy(node)) => format!("EMCY of {node}"),
+            Some(Service::Pdo(name, node)) => format!("{name} of {node}"),
+            Some(Service::ErrorControl(node)) => format!("heartbeat, guarding of {node}"),
+            Some(Service::Lss(true)) => "LSS master".to_owned(),
+            Some(Service::Lss(false)) => "LSS slave".to_owned(),
+            Some(Service::Sdo(side, channel)) => {
+                let server = self.channels.server(channel).unwrap_or(0);
+                match side {
+                    Side::Client => format!("SDO request to {server}"),
+                    Side::Server => format!("SDO response of {server}"),
+                }
+            }
+        }
+    }
+
+    /// Why it is not taken for CANopen; `None` where it is, or nothing speaks against it yet.
+    pub fn doubt(&self) -> Option<String> {
+        (self.belief.standing() == Standing::Doubted).then(|| self.belief.reason())
+    }
+
     /// Bytes of its own, stores shared with checkpoints apart.
     pub fn footprint(&self) -> usize {
         size_of::<Self>()

@@ -4,6 +4,7 @@ mod decode;
 mod explain;
 mod objects;
 mod shell;
+mod stats;
 
 use std::io::Write as _;
 use std::path::PathBuf;
@@ -22,6 +23,7 @@ use crate::source;
 pub fn run(cli: Cli) -> Exit {
     match cli.command {
         Command::Decode(arguments) => decode::run(&arguments),
+        Command::Stats(arguments) => stats::run(&arguments),
         Command::Objects(arguments) => objects::run(&arguments),
         Command::Explain { thing } => explain::run(&thing),
         Command::Completions { shell } => shell::completions(shell),

@@ -99,7 +99,7 @@ impl Channels {
     }
 
     /// Node-ID of the server.
-    pub(super) fn server(&self, channel: u16) -> Option<u8> {
+    pub(in crate::session) fn server(&self, channel: u16) -> Option<u8> {
         self.get(channel).map(|channel| channel.server)
     }
 

@@ -1,0 +1,133 @@
+//! Statistics as one JSON object a capture; times in seconds, intervals in milliseconds.
+
+use cobscope_decoder::event::Certainty;
+use cobscope_decoder::session::{Bus, Node};
+use cobscope_decoder::statistics::{BusStatistics, CodeCounts, Distribution, Intervals, NodeStatistics};
+use serde_json::{Value, json};
+
+use super::Report;
+
+/// Writes the report of one capture.
+pub fn write(report: &Report<'_>, output: &mut String) {
+    let quality = &report.statistics.quality;
+    let buses: Vec<Value> = report
+        .decoder
+        .buses()
+        .iter()
+        .zip(&report.statistics.buses)
+        .map(|(bus, statistics)| bus_record(report, bus, statistics))
+        .collect();
+    let classes: serde_json::Map<String, Value> =
+        quality.error_classes.iter().map(|(name, count)| (name.clone(), json!(count))).collect();
+    let record = json!({
+        "capture": report.capture,
+        "format": report.format,
+        "frames": quality.frames,
+        "duration": quality.duration().map(seconds),
+        "granularity_ms": quality.granularity().map(millis),
+        "made_up_interval_ms": quality.made_up_interval().map(millis),
+        "error_frames": quality.error_frames,
+        "error_classes": classes,
+        "unreadable": quality.unreadable,
+        "lost_frames": quality.lost,
+        "clock_steps": quality.clock_steps.0,
+        "silences": quality.silences.0,
+        "buses": buses,
+    });
+    output.push_str(&record.to_string());
+    output.push('\n');
+}
+
+fn bus_record(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics) -> Value {
+    let load = &statistics.load;
+    let master = &statistics.master;
+    let commands: serde_json::Map<String, Value> =
+        master.commands.iter().map(|(service, count)| (service.name().to_owned(), json!(count))).collect();
+    let present = statistics.nodes.iter().filter(|(_, node)| node.is_present());
+    let ids = statistics.ids.iter().map(|(id, figures)| {
+        json!({
+            "id": id.to_string(),
+            "what": bus.describe_id(*id),
+            "frames": figures.frames,
+            "period_ms": intervals(&figures.intervals),
+        })
+    });
+    json!({
+        "bus": bus.name(),
+        "canopen": bus.is_canopen(),
+        "doubt": bus.doubt(),
+        "bit_rate": report.bit_rate(bus.name()),
+        "frames": load.frames,
+        "bits": load.bits,
+        "worst_second": {"frames": load.worst_frames.0, "bits": load.worst_bits.0},
+        "undecoded": statistics.undecoded,
+        "malformed": statistics.malformed,
+        "nmt_commands": commands,
+        "sync": {"count": master.syncs, "counter_gaps": master.sync_gaps, "period_ms": intervals(&master.sync)},
+        "time": master.times,
+        "guard_requests": master.guard_requests,
+        "nodes": present.map(|(id, node)| node_record(bus, *id, node)).collect::<Vec<_>>(),
+        "ids": ids.collect::<Vec<_>>(),
+    })
+}
+
+fn node_record(bus: &Bus, id: u8, node: &NodeStatistics) -> Value {
+    let known = bus.node(id);
+    let nmt = known.and_then(Node::nmt);
+    json!({
+        "node": id,
+        "name": known.and_then(|node| node.name()),
+        "nmt": nmt.map(|nmt| nmt.state.name()),
+        "nmt_confirmed": nmt.map(|nmt| nmt.certainty == Certainty::Confirmed),
+        "boots": node.boots,
+        "lost": node.lost,
+        "heartbeat_ms": intervals(&node.heartbeat),
+        "guard_requests": node.guarding.0,
+        "guard_replies": node.guarding.1,
+        "sdo": {
+            "complete": node.sdo.complete,
+            "aborted": node.sdo.aborted,
+            "timeout": node.sdo.timeout,
+            "other": node.sdo.other,
+            "duration_ms": distribution(&node.sdo_duration),
+            "think_time_ms": distribution(&node.think_time),
+            "abort_codes": codes(&node.aborts, 8),
+        },
+        "emcy_codes": codes(&node.emcy, 4),
+        "pdos": node.pdos,
+    })
+}
+
+fn codes(counts: &CodeCounts, digits: usize) -> Value {
+    let all = counts.sorted().into_iter();
+    all.map(|(code, count)| (format!("0x{code:0digits$X}"), json!(count)))
+        .collect::<serde_json::Map<_, _>>()
+        .into()
+}
+
+fn intervals(intervals: &Intervals) -> Value {
+    match (intervals.shortest(), intervals.mean(), intervals.longest()) {
+        (Some(shortest), Some(mean), Some((longest, began))) => json!({
+            "min": millis(shortest), "mean": millis(mean), "max": millis(longest), "worst_from": seconds(began),
+        }),
+        _ => Value::Null,
+    }
+}
+
+fn distribution(of: &Distribution) -> Value {
+    if of.count() == 0 {
+        return Value::Null;
+    }
+    let part = |part| of.percentile(part).map(millis);
+    json!({"count": of.count(), "p50": part(50), "p90": part(90), "p99": part(99), "max": millis(of.longest())})
+}
+
+#[expect(clippy::cast_precision_loss, reason = "figures are for reading")]
+fn millis(nanoseconds: i64) -> f64 {
+    nanoseconds as f64 / 1e6
+}
+
+#[expect(clippy::cast_precision_loss, reason = "figures are for reading")]
+fn seconds(nanoseconds: i64) -> f64 {
+    nanoseconds as f64 / 1e9
+}

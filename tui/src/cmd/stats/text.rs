@@ -1,0 +1,292 @@
+//! Statistics as tables.
+
+use std::fmt::Write as _;
+
+use cobscope_decoder::event::Certainty;
+use cobscope_decoder::profile;
+use cobscope_decoder::session::{Bus, Node};
+use cobscope_decoder::sink::escape;
+use cobscope_decoder::statistics::{BusStatistics, Distribution, Intervals, NodeStatistics};
+
+use super::Report;
+
+/// Writes the report of one capture.
+pub fn write(report: &Report<'_>, output: &mut String) {
+    let mut text = String::new();
+    let start = report.statistics.quality.first.unwrap_or(0);
+    let _ = writeln!(text, "== {} ({})", report.capture, report.format);
+    quality(report, &mut text);
+    for (bus, statistics) in report.decoder.buses().iter().zip(&report.statistics.buses) {
+        let _ = writeln!(text);
+        load(report, bus, statistics, start, &mut text);
+        master(statistics, start, &mut text);
+        nodes(bus, statistics, start, &mut text);
+        sdo(statistics, &mut text);
+        codes(statistics, &mut text);
+        ids(bus, statistics, start, &mut text);
+    }
+    for line in text.lines() {
+        output.push_str(&escape(line.trim_end()));
+        output.push('\n');
+    }
+}
+
+fn quality(report: &Report<'_>, text: &mut String) {
+    let quality = &report.statistics.quality;
+    let duration =
+        quality.duration().map_or("without times".into(), |duration| format!("in {} s", seconds(duration)));
+    let _ = write!(text, "capture   {} frames {duration}", quality.frames);
+    match (quality.made_up_interval(), quality.granularity()) {
+        (Some(interval), _) => {
+            let _ = write!(text, "; stamps are made up: every {} ms, so times say nothing", millis(interval));
+        }
+        (None, Some(step)) => {
+            let _ = write!(text, "; stamps in steps of {} ms", millis(step));
+        }
+        (None, None) => {}
+    }
+    let _ = writeln!(text);
+    if quality.error_frames == 0 {
+        let _ = writeln!(text, "          no error frames: this capture cannot tell how good the wiring is");
+    } else {
+        let classes: Vec<String> =
+            quality.error_classes.iter().map(|(name, count)| format!("{name} {count}")).collect();
+        let _ = writeln!(text, "          {} error frames: {}", quality.error_frames, classes.join(", "));
+    }
+    let mut faults = Vec::new();
+    if quality.unreadable > 0 {
+        faults.push(format!("{} lines or records unreadable", quality.unreadable));
+    }
+    if quality.lost > 0 {
+        faults.push(format!("{} frames lost by the recorder", quality.lost));
+    }
+    if quality.clock_steps.0 > 0 {
+        let largest = seconds(quality.clock_steps.1.saturating_neg());
+        faults
+            .push(format!("{} backward steps of the stamps, the largest {largest} s", quality.clock_steps.0));
+    }
+    if quality.silences.0 > 0 {
+        let longest = seconds(quality.silences.1);
+        faults.push(format!("{} silences of all traffic, the longest {longest} s", quality.silences.0));
+    }
+    for fault in faults {
+        let _ = writeln!(text, "          {fault}");
+    }
+}
+
+fn load(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics, start: i64, text: &mut String) {
+    let verdict = match (bus.is_canopen(), bus.doubt()) {
+        (true, _) => "CANopen".to_owned(),
+        (false, Some(reason)) => format!("not CANopen: {reason}"),
+        (false, None) => "no sign of CANopen".to_owned(),
+    };
+    let _ = writeln!(text, "bus {:<5} {verdict}", bus.name());
+    let load = &statistics.load;
+    let _ = write!(text, "          {} frames", load.frames);
+    let duration = report.statistics.quality.duration().filter(|duration| *duration > 0);
+    if let Some(duration) = duration {
+        let per_second = |count: u64| u128::from(count) * 1_000_000_000 / u128::from(duration.unsigned_abs());
+        let _ = write!(text, ", {}/s, {} kbit/s", per_second(load.frames), per_second(load.bits) / 1000);
+        let (frames, at) = load.worst_frames;
+        let _ = write!(
+            text,
+            "; worst second {frames} frames, {} kbit from {} s",
+            load.worst_bits.0 / 1000,
+            since(at, start)
+        );
+        match report.bit_rate(bus.name()) {
+            Some(rate) => {
+                let percent = |bits: u128| bits * 100 / u128::from(rate);
+                let mean = percent(per_second(load.bits));
+                let worst = percent(u128::from(load.worst_bits.0));
+                let _ = write!(
+                    text,
+                    "\n          load {mean} % of {} kbit/s, worst second {worst} %",
+                    rate / 1000
+                );
+            }
+            None => {
+                let _ = write!(text, "\n          load in % needs the bit rate: --bitrate 250k");
+            }
+        }
+    }
+    let _ = writeln!(text);
+    if statistics.undecoded + statistics.malformed > 0 {
+        let _ = writeln!(
+            text,
+            "          {} frames of no known service, {} malformed",
+            statistics.undecoded, statistics.malformed
+        );
+    }
+}
+
+fn master(statistics: &BusStatistics, start: i64, text: &mut String) {
+    let master = &statistics.master;
+    let mut parts: Vec<String> =
+        master.commands.iter().map(|(service, count)| format!("NMT {} {count}", service.name())).collect();
+    if master.syncs > 0 {
+        let gaps =
+            if master.sync_gaps > 0 { format!(", {} counter gaps", master.sync_gaps) } else { String::new() };
+        parts.push(format!("SYNC {}{}{gaps}", master.syncs, period(&master.sync, start)));
+    }
+    if master.times > 0 {
+        parts.push(format!("TIME {}", master.times));
+    }
+    if master.guard_requests > 0 {
+        parts.push(format!("guarding requests {}", master.guard_requests));
+    }
+    for (index, part) in parts.iter().enumerate() {
+        let _ = writeln!(text, "{:<9} {part}", if index == 0 { "master" } else { "" });
+    }
+}
+
+/// ` every 10.000 ms (9.812 to 14.200, worst from 3.211 s)`.
+fn period(intervals: &Intervals, start: i64) -> String {
+    let (Some(mean), Some(shortest), Some((longest, began))) =
+        (intervals.mean(), intervals.shortest(), intervals.longest())
+    else {
+        return String::new();
+    };
+    let (mean, shortest, longest) = (millis(mean), millis(shortest), millis(longest));
+    format!(" every {mean} ms ({shortest} to {longest}, worst from {} s)", since(began, start))
+}
+
+fn nodes(bus: &Bus, statistics: &BusStatistics, start: i64, text: &mut String) {
+    let present: Vec<_> = statistics.nodes.iter().filter(|(_, node)| node.is_present()).collect();
+    if present.is_empty() {
+        return;
+    }
+    let _ = writeln!(
+        text,
+        "\n ID/hex  name          NMT               boots lost  heartbeat ms min/median/max  worst from  guarding"
+    );
+    for (id, node) in present {
+        let known = bus.node(*id);
+        let name = known.and_then(|node| node.name()).unwrap_or("");
+        let state = known.and_then(Node::nmt).map_or("?".to_owned(), |nmt| {
+            let mark = if nmt.certainty == Certainty::Confirmed { "" } else { "?" };
+            format!("{}{mark}", nmt.state.name())
+        });
+        let (beat, worst) = heartbeat(node, start);
+        let guarding = match node.guarding {
+            (0, 0) => String::new(),
+            (requests, replies) => format!("{replies} of {requests}"),
+        };
+        let _ = writeln!(
+            text,
+            "{id:>3}/{id:02X}   {name:<12}  {state:<16}  {:>5} {:>4}  {beat:>27}  {worst:>10}  {guarding}",
+            node.boots, node.lost
+        );
+    }
+}
+
+fn heartbeat(node: &NodeStatistics, start: i64) -> (String, String) {
+    let beat = &node.heartbeat;
+    let (Some(shortest), Some((longest, began))) = (beat.shortest(), beat.longest()) else {
+        return ("–".into(), String::new());
+    };
+    let median = node.heartbeat_distribution.percentile(50).unwrap_or(0).clamp(shortest, longest);
+    (
+        format!("{}/{}/{}", millis(shortest), millis(median), millis(longest)),
+        format!("{} s", since(began, start)),
+    )
+}
+
+fn sdo(statistics: &BusStatistics, text: &mut String) {
+    let served: Vec<_> = statistics
+        .nodes
+        .iter()
+        .filter(|(_, node)| node.sdo.complete + node.sdo.aborted + node.sdo.timeout + node.sdo.other > 0)
+        .collect();
+    if served.is_empty() {
+        return;
+    }
+    let _ = writeln!(
+        text,
+        "\n SDO server    ok  aborted  no answer  other   ms p50     p90     p99     max   think ms p50"
+    );
+    for (id, node) in served {
+        let part = |of: &Distribution, part| of.percentile(part).map_or("–".into(), millis);
+        let times = &node.sdo_duration;
+        let _ = writeln!(
+            text,
+            "{id:>3}/{id:02X}    {:>6}  {:>7}  {:>9}  {:>5}  {:>7} {:>7} {:>7} {:>7}  {:>13}",
+            node.sdo.complete,
+            node.sdo.aborted,
+            node.sdo.timeout,
+            node.sdo.other,
+            part(times, 50),
+            part(times, 90),
+            part(times, 99),
+            part(times, 100),
+            part(&node.think_time, 50),
+        );
+    }
+}
+
+fn codes(statistics: &BusStatistics, text: &mut String) {
+    let mut lines = Vec::new();
+    for (id, node) in &statistics.nodes {
+        for (code, count) in node.aborts.sorted() {
+            let words = profile::abort_codes().text(code);
+            lines.push(format!("{id:>3}/{id:02X}   SDO abort {code:08X} {words}: {count}"));
+        }
+        for (code, count) in node.emcy.sorted() {
+            let words = profile::emcy_codes().find(code).map_or("no CiA 301 code", |entry| &entry.text);
+            lines.push(format!("{id:>3}/{id:02X}   EMCY {code:04X} {words}: {count}"));
+        }
+        let others = node.aborts.others + node.emcy.others;
+        if others > 0 {
+            lines.push(format!("{id:>3}/{id:02X}   further codes: {others}"));
+        }
+    }
+    if !lines.is_empty() {
+        let _ = writeln!(text, "\n errors\n{}", lines.join("\n"));
+    }
+}
+
+fn ids(bus: &Bus, statistics: &BusStatistics, start: i64, text: &mut String) {
+    let _ = writeln!(
+        text,
+        "\n ID        what                          frames   ms min     mean      max  worst from"
+    );
+    for (id, figures) in &statistics.ids {
+        let intervals = &figures.intervals;
+        let (shortest, mean) = (intervals.shortest().map(millis), intervals.mean().map(millis));
+        let longest = intervals.longest();
+        let _ = writeln!(
+            text,
+            " {:<8}  {:<26}  {:>8}  {:>7}  {:>7}  {:>7}  {:>8}",
+            id.to_string(),
+            bus.describe_id(*id),
+            figures.frames,
+            shortest.unwrap_or_default(),
+            mean.unwrap_or_default(),
+            longest.map_or(String::new(), |(length, _)| millis(length)),
+            longest.map_or(String::new(), |(_, began)| format!("{} s", since(began, start))),
+        );
+    }
+    if statistics.other_ids > 0 {
+        let _ = writeln!(text, " further identifiers: {} frames", statistics.other_ids);
+    }
+}
+
+/// Milliseconds with three digits, one from 100 on.
+fn millis(nanoseconds: i64) -> String {
+    let micros = nanoseconds.unsigned_abs() / 1_000;
+    if micros >= 100_000 {
+        format!("{}.{}", micros / 1_000, micros % 1_000 / 100)
+    } else {
+        format!("{}.{:03}", micros / 1_000, micros % 1_000)
+    }
+}
+
+fn seconds(nanoseconds: i64) -> String {
+    let milliseconds = nanoseconds.unsigned_abs() / 1_000_000;
+    format!("{}.{:03}", milliseconds / 1_000, milliseconds % 1_000)
+}
+
+/// Seconds since the first frame.
+fn since(time: i64, start: i64) -> String {
+    seconds(time.saturating_sub(start))
+}
