@@ -171,7 +171,7 @@ impl std::str::FromStr for BitRate {
 pub struct ObjectsArgs {
     #[command(flatten)]
     pub input: InputArgs,
-    /// Node-ID, decimal or 0x…, with its bus if there are several: [BUS:]ID (default: list the nodes)
+    /// Node-ID, decimal or 0x…, with its bus if there are several as can0:5 (default: list the nodes)
     #[arg(long, value_name = "NODE")]
     pub node: Option<NodeChoice>,
     /// Show them as they were then: 12.5 (seconds from the first frame), #1234 (frame), or a date and time
