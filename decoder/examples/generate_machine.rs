@@ -27,7 +27,12 @@ fn main() -> io::Result<()> {
             "--frames" => frames = number(arguments.next())?,
             "--seed" => options.seed = number(arguments.next())?,
             "--format" => {
-                format = arguments.next().and_then(|text| Format::named(&text)).ok_or_else(usage)?;
+                format = match arguments.next().as_deref() {
+                    Some("candump") => Format::Candump,
+                    Some("pcap") => Format::Pcap,
+                    Some("pcapng") => Format::Pcapng,
+                    _ => return Err(usage()),
+                };
             }
             _ => return Err(usage()),
         }

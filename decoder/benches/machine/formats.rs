@@ -19,16 +19,6 @@ pub enum Format {
 }
 
 impl Format {
-    /// The format of this name.
-    pub fn named(name: &str) -> Option<Self> {
-        match name {
-            "candump" => Some(Self::Candump),
-            "pcap" => Some(Self::Pcap),
-            "pcapng" => Some(Self::Pcapng),
-            _ => None,
-        }
-    }
-
     /// Writes what stands before the first frame.
     ///
     /// # Errors

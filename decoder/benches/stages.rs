@@ -1,0 +1,221 @@
+//! Frames per second of each stage, beside a bare count of newlines of the same file.
+//!
+//! ```text
+//! cargo bench -p cobscope-decoder                   # 1,000,000 frames, 7 rounds
+//! cargo bench -p cobscope-decoder -- 10000000 5     # frames, rounds
+//! ```
+//!
+//! Rounds go through all stages in turn, so that a busy moment of the machine meets all of them; the
+//! median counts. CPU time where the system tells it (Linux), else the time that passed.
+
+#![expect(clippy::disallowed_methods, reason = "opens its own files and measures time")]
+
+mod machine;
+
+use std::fs::File;
+use std::hint::black_box;
+use std::io::{self, BufWriter, Read, Write};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use cobscope_decoder::capture::{Batch, ReadOptions, Reader};
+use cobscope_decoder::decoder::Decoder;
+use cobscope_decoder::event::Event;
+use cobscope_decoder::session::{Bus, Observer, SessionOptions};
+use cobscope_decoder::sink::jsonl::Jsonl;
+use cobscope_decoder::sink::text::{Text, TextOptions};
+use machine::formats::Format;
+use machine::{Machine, Options};
+
+/// Bytes asked for at a time when newlines are counted.
+const CHUNK: usize = 256 * 1024;
+
+/// Bytes the sinks' output is gathered in.
+const OUTPUT: usize = 64 * 1024;
+
+type Outcome = Result<(), Box<dyn std::error::Error>>;
+
+/// The captures, all with as many frames.
+struct Captures {
+    normal: PathBuf,
+    mapped: PathBuf,
+    storm: PathBuf,
+    pcap: PathBuf,
+    pcapng: PathBuf,
+}
+
+/// What a stage does with the captures.
+type Run = fn(&Captures) -> Outcome;
+
+struct Stage {
+    name: &'static str,
+    run: Run,
+    times: Vec<Duration>,
+}
+
+const STAGES: [(&str, Run); 12] = [
+    ("newline count", |captures| count_newlines(&captures.normal)),
+    ("candump, frames only", |captures| read(&captures.normal)),
+    ("candump to events", |captures| decode(&captures.normal, &mut ignore)),
+    ("candump to JSON Lines", |captures| decode(&captures.normal, &mut ToJsonl(Jsonl::new(output())))),
+    ("candump to text", |captures| decode(&captures.normal, &mut to_text())),
+    ("known mappings to JSON Lines", |captures| decode(&captures.mapped, &mut ToJsonl(Jsonl::new(output())))),
+    ("fault storm to events", |captures| decode(&captures.storm, &mut ignore)),
+    ("fault storm to text", |captures| decode(&captures.storm, &mut to_text())),
+    ("pcap, frames only", |captures| read(&captures.pcap)),
+    ("pcap to events", |captures| decode(&captures.pcap, &mut ignore)),
+    ("pcapng, frames only", |captures| read(&captures.pcapng)),
+    ("pcapng to events", |captures| decode(&captures.pcapng, &mut ignore)),
+];
+
+fn main() -> Outcome {
+    // `cargo bench` itself adds options; only numbers are ours.
+    let mut numbers = std::env::args().filter_map(|argument| argument.parse::<usize>().ok());
+    let frames = numbers.next().unwrap_or(1_000_000).max(1);
+    let rounds = numbers.next().unwrap_or(7).max(1);
+    let captures = captures(Path::new(env!("CARGO_TARGET_TMPDIR")), frames)?;
+    let mut stages = STAGES.map(|(name, run)| Stage { name, run, times: Vec::new() });
+    for _ in 0..=rounds {
+        for stage in &mut stages {
+            let begin = now();
+            (stage.run)(&captures)?;
+            stage.times.push(now().saturating_sub(begin));
+        }
+    }
+    for stage in &mut stages {
+        // The first round warms the caches.
+        stage.times.remove(0);
+        stage.times.sort_unstable();
+    }
+    report(&stages, frames, rounds)?;
+    Ok(())
+}
+
+fn report(stages: &[Stage], frames: usize, rounds: usize) -> io::Result<()> {
+    let median = |stage: &Stage| {
+        stage.times.get(stage.times.len() / 2).map_or(0.0, |time| nanoseconds(*time) / count(frames))
+    };
+    let floor = stages.first().map_or(1.0, median);
+    let mut out = io::stdout().lock();
+    writeln!(out, "{frames} frames, median of {rounds} rounds")?;
+    writeln!(out, "{:<30} {:>9} {:>10} {:>15}", "stage", "ns/frame", "M frames/s", "newline counts")?;
+    for stage in stages {
+        let time = median(stage);
+        writeln!(out, "{:<30} {time:>9.1} {:>10.1} {:>15.1}", stage.name, 1_000.0 / time, time / floor)?;
+    }
+    Ok(())
+}
+
+#[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
+fn nanoseconds(time: Duration) -> f64 {
+    time.as_nanos() as f64
+}
+
+#[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
+fn count(frames: usize) -> f64 {
+    frames as f64
+}
+
+/// Time this thread ran; the system brings it up to date when the thread yields.
+fn now() -> Duration {
+    std::thread::yield_now();
+    std::fs::read_to_string("/proc/thread-self/schedstat")
+        .ok()
+        .and_then(|text| text.split_whitespace().next()?.parse().ok())
+        .filter(|time| *time > 0)
+        .map_or_else(wall, Duration::from_nanos)
+}
+
+fn wall() -> Duration {
+    static BEGIN: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
+    BEGIN.get_or_init(Instant::now).elapsed()
+}
+
+fn captures(folder: &Path, frames: usize) -> io::Result<Captures> {
+    let normal = Options { seed: 1, storm: false, mapping: false };
+    let write = |name: &str, format: Format, options| -> io::Result<PathBuf> {
+        let path = folder.join(name);
+        let mut out = BufWriter::with_capacity(CHUNK, File::create(&path)?);
+        format.begin(&mut out)?;
+        for message in Machine::new(options).take(frames) {
+            format.write(&message, &mut out)?;
+        }
+        out.flush()?;
+        Ok(path)
+    };
+    Ok(Captures {
+        normal: write("normal.log", Format::Candump, normal)?,
+        mapped: write("mapped.log", Format::Candump, Options { mapping: true, ..normal })?,
+        storm: write("storm.log", Format::Candump, Options { storm: true, ..normal })?,
+        pcap: write("normal.pcap", Format::Pcap, normal)?,
+        pcapng: write("normal.pcapng", Format::Pcapng, normal)?,
+    })
+}
+
+fn count_newlines(path: &Path) -> Outcome {
+    let mut file = File::open(path)?;
+    let mut buffer = vec![0; CHUNK];
+    let mut lines = 0;
+    loop {
+        let count = file.read(&mut buffer)?;
+        if count == 0 {
+            black_box(lines);
+            return Ok(());
+        }
+        lines += memchr::memchr_iter(b'\n', buffer.get(..count).unwrap_or_default()).count();
+    }
+}
+
+fn read(path: &Path) -> Outcome {
+    let mut reader = Reader::open(File::open(path)?, &ReadOptions::default())?;
+    let mut batch = Batch::new();
+    while reader.read(&mut batch)? {
+        black_box(batch.frames());
+    }
+    Ok(())
+}
+
+fn decode(path: &Path, out: &mut dyn Observer) -> Outcome {
+    let mut reader = Reader::open(File::open(path)?, &ReadOptions::default())?;
+    let mut decoder = Decoder::new(SessionOptions::default());
+    let mut batch = Batch::new();
+    while reader.read(&mut batch)? {
+        if !batch.notices().is_empty() {
+            return Err("the generated capture is not read clean".into());
+        }
+        for frame in batch.frames() {
+            decoder.push(frame, reader.buses(), out);
+        }
+    }
+    decoder.finish(reader.buses(), out);
+    Ok(())
+}
+
+fn ignore(event: &Event, _: &Bus) {
+    black_box(event);
+}
+
+/// Where the sinks write: gathered as the program does it, then dropped.
+fn output() -> Box<dyn Write> {
+    Box::new(BufWriter::with_capacity(OUTPUT, io::sink()))
+}
+
+struct ToJsonl(Jsonl<Box<dyn Write>>);
+
+impl Observer for ToJsonl {
+    fn event(&mut self, event: &Event, bus: &Bus) {
+        self.0.write(event, bus);
+    }
+}
+
+struct ToText(Text<Box<dyn Write>>);
+
+fn to_text() -> ToText {
+    ToText(Text::new(output(), TextOptions::default()))
+}
+
+impl Observer for ToText {
+    fn event(&mut self, event: &Event, bus: &Bus) {
+        self.0.write(event, bus);
+    }
+}
