@@ -155,6 +155,14 @@ fn interface_names_are_made_text_and_cut() {
     assert!(boot.contains(&"::error::pwned") && boot.contains(&"n".repeat(32).as_str()), "{boot:?}");
 }
 
+#[cfg(feature = "gzip")]
+#[test]
+fn the_rest_of_a_line_that_was_cut_is_no_line() {
+    let outcome = decode_file("long_lines.log.gz").unwrap();
+    let nodes: Vec<_> = outcome.events.iter().filter_map(|event| event["node"].as_u64()).collect();
+    assert!(!nodes.is_empty() && nodes.iter().all(|node| *node == 5), "node 6 is in the rest: {nodes:?}");
+}
+
 #[test]
 fn more_interfaces_than_a_capture_may_have_are_unreadable() {
     let outcome = decode_file("interfaces_70.log").unwrap();
