@@ -1,4 +1,5 @@
 //! CAN captures to annotated CANopen events.
+pub mod bus_file;
 pub mod capture;
 pub mod decoder;
 pub mod event;

@@ -1,6 +1,7 @@
 //! Behaviour of the program as its user sees it.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+mod bus_file;
 mod cli;
 mod docs;
 mod explain;

@@ -56,6 +56,9 @@ pub struct InputArgs {
     /// What ambiguous time stamps in candump text mean (default: found out from the first 1,000 lines)
     #[arg(long, value_name = "STYLE")]
     pub time: Option<StampStyle>,
+    /// What is known of the buses: names of nodes, identifiers, bit rates, object values (TOML)
+    #[arg(long, value_name = "FILE")]
+    pub bus: Option<PathBuf>,
     /// What the traffic is taken for
     #[arg(long, value_name = "PROTOCOL", default_value = "auto")]
     pub protocol: Protocol,

@@ -8,6 +8,7 @@ mod data_type;
 mod dictionary;
 mod layout;
 mod lookup;
+mod position;
 
 pub use connection_set::{ConnectionSet, Owner, connection_set};
 pub(crate) use data_type::little_endian;
@@ -17,6 +18,8 @@ pub use layout::{Field, Layout, PdoDirection, PdoName, RawValue, Signal};
 pub use lookup::{
     Bits, CanErrors, Code, Codes, LssNames, abort_codes, can_errors, emcy_codes, error_register, lss,
 };
+
+pub use position::TextError;
 
 mod embedded {
     include!(concat!(env!("OUT_DIR"), "/profiles.rs"));

@@ -55,7 +55,7 @@ struct Said {
 impl Bus {
     /// A bus nothing is known of.
     pub fn new(index: BusIndex, name: &str, options: Arc<SessionOptions>) -> Self {
-        Self {
+        let mut bus = Self {
             index,
             name: name.into(),
             belief: Belief::new(options.protocol),
@@ -74,7 +74,9 @@ impl Bus {
             undecoded: (0, 0),
             last_frame: 0,
             last_time: None,
-        }
+        };
+        bus.take_given();
+        bus
     }
 
     /// Name of the interface.
@@ -160,8 +162,10 @@ impl Bus {
     #[cold]
     fn add_node(&mut self, id: u8) -> Option<u8> {
         let place = u8::try_from(self.nodes.len() + 1).ok()?;
-        let name = self.options.node_names.iter().find(|(named, _)| *named == id);
-        self.nodes.push(Node::new(id, name.map(|(_, name)| name.as_str().into())));
+        let named = self.options.node_names.iter().find(|(named, _)| *named == id);
+        let name = named.map(|(_, name)| name.as_str());
+        let name = name.or_else(|| self.options.bus_file.name(&self.name, id));
+        self.nodes.push(Node::new(id, name.map(Into::into)));
         *self.node_by_id.get_mut(usize::from(id))? = place;
         Some(place)
     }

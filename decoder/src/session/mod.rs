@@ -11,6 +11,7 @@ mod belief;
 mod bus;
 mod canopen;
 mod clock;
+mod given;
 mod node;
 mod routes;
 mod store;
@@ -20,6 +21,7 @@ pub use bus::Bus;
 pub use node::{NmtStatus, Node};
 pub use store::{Entry, Origin, OriginKind, Store};
 
+use crate::bus_file::BusFile;
 use crate::event::Event;
 
 /// Data kept of one SDO transfer, in bytes.
@@ -70,10 +72,17 @@ pub struct SessionOptions {
     pub sdo_silence: i64,
     /// Names the user gave to nodes, by node-ID.
     pub node_names: Vec<(u8, String)>,
+    /// What the user knows of the buses; it goes before everything learnt.
+    pub bus_file: BusFile,
 }
 
 impl Default for SessionOptions {
     fn default() -> Self {
-        Self { protocol: ProtocolChoice::Auto, sdo_silence: 1_000_000_000, node_names: Vec::new() }
+        Self {
+            protocol: ProtocolChoice::Auto,
+            sdo_silence: 1_000_000_000,
+            node_names: Vec::new(),
+            bus_file: BusFile::default(),
+        }
     }
 }

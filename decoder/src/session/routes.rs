@@ -51,7 +51,9 @@ pub(super) struct Routes {
     /// Slot of 29-bit identifiers.
     extended: HashMap<u32, u16, FixedState>,
     slots: Vec<Slot>,
-    /// Services learnt on the wire or given by the user, by identifier; they go before the defaults.
+    /// Services the user gave; they go before everything else.
+    given: Arc<BTreeMap<CanId, Service>>,
+    /// Services learnt on the wire; they go before the defaults.
     learnt: Arc<BTreeMap<CanId, Service>>,
     refused: bool,
 }
@@ -62,6 +64,7 @@ impl Default for Routes {
             standard: Box::new([NO_SLOT; 2048]),
             extended: HashMap::default(),
             slots: Vec::new(),
+            given: Arc::default(),
             learnt: Arc::default(),
             refused: false,
         }
@@ -100,7 +103,7 @@ impl Routes {
 
     /// What an identifier means before its first frame.
     pub(super) fn origin(&self, id: CanId) -> Origin {
-        if let Some(service) = self.learnt.get(&id) {
+        if let Some(service) = self.given.get(&id).or_else(|| self.learnt.get(&id)) {
             return Origin::Learnt(*service);
         }
         match id {
@@ -152,7 +155,15 @@ impl Routes {
         }
     }
 
+    /// The user says that `id` is `service`.
+    pub(super) fn give(&mut self, id: CanId, service: Service) {
+        Arc::make_mut(&mut self.given).insert(id, service);
+    }
+
     fn reroute(&mut self, id: CanId, service: Service) {
+        if self.given.contains_key(&id) {
+            return;
+        }
         if let Some(slot) = self.find(id).and_then(|index| self.slots.get_mut(index)) {
             *slot = Slot { service, pdo: None };
         }

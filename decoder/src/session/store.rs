@@ -15,6 +15,8 @@ pub enum OriginKind {
     Download,
     /// Read by SDO.
     Upload,
+    /// Stated in the bus file.
+    BusFile,
 }
 
 impl OriginKind {
@@ -23,6 +25,7 @@ impl OriginKind {
         match self {
             Self::Download => "download",
             Self::Upload => "upload",
+            Self::BusFile => "bus-file",
         }
     }
 }
@@ -33,6 +36,7 @@ impl OriginKind {
         match self {
             Self::Download => "written",
             Self::Upload => "read",
+            Self::BusFile => "given",
         }
     }
 }
@@ -100,10 +104,10 @@ impl Store {
         Ok(before)
     }
 
-    /// Marks every value as possibly outdated.
+    /// Marks every value seen on the bus as possibly outdated.
     pub(super) fn mark_stale(&mut self) {
         for entry in self.entries.values_mut() {
-            entry.stale = true;
+            entry.stale |= entry.origin.kind != OriginKind::BusFile;
         }
     }
 

@@ -10,7 +10,7 @@ use cobscope_decoder::session::{Bus, Observer};
 use cobscope_decoder::sink::jsonl::Jsonl;
 use cobscope_decoder::sink::text::{self, PdoLines, Text, TextOptions};
 
-use super::{Watcher, captures, complain, decode_capture};
+use super::{Watcher, captures, complain, decode_capture, session_options};
 use crate::cli::{Color, DecodeArgs, Format, Pdo, TimeColumn};
 use crate::exit_code::Exit;
 use crate::select::Selection;
@@ -27,6 +27,13 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
             return Exit::Usage;
         }
     };
+    let options = match session_options(&arguments.input) {
+        Ok(options) => options,
+        Err(error) => {
+            complain(&error);
+            return Exit::Profile;
+        }
+    };
     let captures = captures(&arguments.input);
     let several = captures.len() > 1;
     let mut exit = Exit::Clean;
@@ -34,7 +41,7 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
         if several {
             printer.begin_capture(&path.display().to_string());
         }
-        if let Err(error) = decode_capture(path, &arguments.input, &mut printer) {
+        if let Err(error) = decode_capture(path, &arguments.input, &options, &mut printer) {
             // What was decoded stands before what went wrong.
             let _ = printer.flush();
             complain(&error);

@@ -7,9 +7,10 @@ mod shell;
 mod stats;
 
 use std::io::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
+use cobscope_decoder::bus_file::BusFile;
 use cobscope_decoder::capture::{Batch, BusNames, Item, ReadOptions, TimeStyle};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::frame::Frame;
@@ -50,18 +51,29 @@ fn read_options(input: &InputArgs) -> ReadOptions {
     }
 }
 
-fn session_options(input: &InputArgs) -> SessionOptions {
+/// What the options say of the buses.
+///
+/// # Errors
+/// A bus file that cannot be read or is broken.
+fn session_options(input: &InputArgs) -> anyhow::Result<SessionOptions> {
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     let sdo_silence = (input.sdo_timeout * 1e9) as i64;
-    SessionOptions {
+    Ok(SessionOptions {
         protocol: match input.protocol {
             Protocol::Auto => ProtocolChoice::Auto,
             Protocol::Canopen => ProtocolChoice::Canopen,
             Protocol::None => ProtocolChoice::None,
         },
         sdo_silence,
+        bus_file: input.bus.as_deref().map(bus_file).transpose()?.unwrap_or_default(),
         ..SessionOptions::default()
-    }
+    })
+}
+
+fn bus_file(path: &Path) -> anyhow::Result<BusFile> {
+    let name = path.display().to_string();
+    let text = std::fs::read_to_string(path).with_context(|| format!("{name}: cannot be read"))?;
+    BusFile::parse(&text).map_err(|error| anyhow::anyhow!(error.show(&name)))
 }
 
 /// Something that looks at events and can have enough.
@@ -82,12 +94,13 @@ trait Watcher: Observer {
 
 /// Decodes one capture into `watcher`; gives the decoder as it is at the end and the number of frames.
 fn decode_capture(
-    path: &std::path::Path,
+    path: &Path,
     input: &InputArgs,
+    options: &SessionOptions,
     watcher: &mut dyn Watcher,
 ) -> anyhow::Result<(Decoder, u64)> {
     let mut capture = source::open(path, &read_options(input))?;
-    let mut decoder = Decoder::new(session_options(input));
+    let mut decoder = Decoder::new(options.clone());
     let mut batch = Batch::new();
     let mut frames = 0;
     let mut failure = None;

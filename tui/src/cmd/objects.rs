@@ -9,7 +9,7 @@ use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::profile::{self, Value};
-use cobscope_decoder::session::{Bus, Entry, Node};
+use cobscope_decoder::session::{Bus, Entry, Node, SessionOptions};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::canopen::ObjectAddress;
 use serde_json::json;
@@ -22,12 +22,19 @@ use crate::source;
 
 /// Runs the command.
 pub fn run(arguments: &ObjectsArgs) -> Exit {
+    let options = match session_options(&arguments.input) {
+        Ok(options) => options,
+        Err(error) => {
+            complain(&error);
+            return Exit::Profile;
+        }
+    };
     let mut exit = Exit::Clean;
     let mut output = String::new();
     let captures = captures(&arguments.input);
     for path in &captures {
         let name = path.display().to_string();
-        match decode_until(path, arguments) {
+        match decode_until(path, arguments, &options) {
             Ok((decoder, first)) => {
                 if captures.len() > 1 && arguments.format == ReportFormat::Text {
                     let _ = writeln!(output, "== {}", escape(&name));
@@ -48,9 +55,13 @@ pub fn run(arguments: &ObjectsArgs) -> Exit {
 }
 
 /// Decodes a capture up to the moment asked for; gives the decoder as it is then and the first time.
-fn decode_until(path: &Path, arguments: &ObjectsArgs) -> anyhow::Result<(Decoder, Option<Timestamp>)> {
+fn decode_until(
+    path: &Path,
+    arguments: &ObjectsArgs,
+    options: &SessionOptions,
+) -> anyhow::Result<(Decoder, Option<Timestamp>)> {
     let mut capture = source::open(path, &read_options(&arguments.input))?;
-    let mut decoder = Decoder::new(session_options(&arguments.input));
+    let mut decoder = Decoder::new(options.clone());
     let mut batch = Batch::new();
     let mut first = None;
     let mut ignore = |_: &Event, _: &Bus| ();
@@ -143,11 +154,12 @@ fn row(object: ObjectAddress, entry: &Entry, first: Option<Timestamp>, output: &
     let data = Value::Bytes(shown.to_vec()).to_string();
     let more =
         if entry.size > shown.len() as u64 { format!(" … {} bytes", entry.size) } else { String::new() };
+    // What the bus file states has no frame.
+    let frame = if entry.origin.frame == 0 { String::new() } else { format!(" {{{}}}", entry.origin.frame) };
     let line = format!(
-        "{object}  {name:<50}  {:<18}  {:<7} {{{}}}{time}  {data}{more}",
+        "{object}  {name:<50}  {:<18}  {:<7}{frame}{time}  {data}{more}",
         format!("{value}{stale}"),
         entry.origin.kind.verb(),
-        entry.origin.frame
     );
     let _ = writeln!(output, "{}", escape(line.trim_end()));
 }
@@ -174,7 +186,7 @@ fn record(bus: &Bus, node: &Node, object: ObjectAddress, entry: &Entry, capture:
         "data": data.concat(),
         "size": entry.size,
         "origin": entry.origin.kind.name(),
-        "frame": entry.origin.frame,
+        "frame": Some(entry.origin.frame).filter(|frame| *frame != 0),
         "stale": entry.stale,
     })
 }

@@ -54,7 +54,7 @@ impl Bus {
         self.say_refused(frame, out);
     }
 
-    fn take_effect(&mut self, id: u8, address: ObjectAddress) {
+    pub(in crate::session) fn take_effect(&mut self, id: u8, address: ObjectAddress) {
         let Some(number) = self.number(id, address) else { return };
         match (address.index, address.sub) {
             (0x1005, 0) => self.route_to(Service::Sync, number & !0xC000_0000),

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::event::{Event, EventKind, FrameRange, Pdo, Protocol};
 use crate::frame::{Frame, FrameFlags, MAX_DATA};
 use crate::profile::{DataType, Field, Layout, PdoDirection, PdoName, communication_objects};
-use crate::session::{Bus, Observer, Store};
+use crate::session::{Bus, Observer, OriginKind, Store};
 use crate::wire::canopen::ObjectAddress;
 
 /// Entries of a mapping parameter (CiA 301 §7.5.2.36); each can be a single bit.
@@ -129,7 +129,8 @@ pub(super) fn layout(store: &Store, name: PdoName) -> Option<Layout> {
     if count == 0 || count > MOST_ENTRIES {
         return None;
     }
-    let mut layout = Layout { fields: Vec::new(), bits: 0, origin: "wire", assumed: count_entry.stale };
+    let origin = if count_entry.origin.kind == OriginKind::BusFile { "bus-file" } else { "wire" };
+    let mut layout = Layout { fields: Vec::new(), bits: 0, origin, assumed: count_entry.stale };
     for sub in 1..=u8::try_from(count).ok()? {
         let address = ObjectAddress::new(index, sub);
         let mapping = store.number(address)?;

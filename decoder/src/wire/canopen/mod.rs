@@ -1,5 +1,6 @@
 //! Messages of CiA 301 and CiA 305, one service a file.
 
+mod address;
 pub mod emcy;
 pub mod error_control;
 pub mod lss;
@@ -9,6 +10,8 @@ pub mod sync;
 pub mod time;
 
 use std::fmt;
+
+pub use address::NotAnAddress;
 
 /// NMT state of a node (CiA 301 §7.3.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

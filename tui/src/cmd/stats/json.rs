@@ -56,7 +56,7 @@ fn bus_record(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics) -> Val
         "bus": bus.name(),
         "canopen": bus.is_canopen(),
         "doubt": bus.doubt(),
-        "bit_rate": report.bit_rate(bus.name()),
+        "bit_rate": report.bit_rate(bus),
         "frames": load.frames,
         "bits": load.bits,
         "worst_second": {"frames": load.worst_frames.0, "bits": load.worst_bits.0},

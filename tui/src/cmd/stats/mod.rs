@@ -9,7 +9,7 @@ use std::path::Path;
 use cobscope_decoder::capture::{Batch, Item};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::Event;
-use cobscope_decoder::session::Bus;
+use cobscope_decoder::session::{Bus, SessionOptions};
 use cobscope_decoder::statistics::Statistics;
 
 use super::{captures, complain, read_options, session_options};
@@ -27,20 +27,28 @@ struct Report<'a> {
 }
 
 impl Report<'_> {
-    /// Bit rate of a bus, if the user gave it.
-    fn bit_rate(&self, bus: &str) -> Option<u32> {
+    /// Bit rate of a bus, if the user gave it: on the command line, else in the bus file.
+    fn bit_rate(&self, bus: &Bus) -> Option<u32> {
         let rates = &self.arguments.bitrate;
-        let own = rates.iter().find(|rate| rate.bus.as_deref() == Some(bus));
-        own.or_else(|| rates.iter().find(|rate| rate.bus.is_none())).map(|rate| rate.rate)
+        let own = rates.iter().find(|rate| rate.bus.as_deref() == Some(bus.name()));
+        let given = own.or_else(|| rates.iter().find(|rate| rate.bus.is_none()));
+        given.map(|rate| rate.rate).or_else(|| bus.bit_rate())
     }
 }
 
 /// Runs the command.
 pub fn run(arguments: &StatsArgs) -> Exit {
+    let options = match session_options(&arguments.input) {
+        Ok(options) => options,
+        Err(error) => {
+            complain(&error);
+            return Exit::Profile;
+        }
+    };
     let mut exit = Exit::Clean;
     let mut output = String::new();
     for path in captures(&arguments.input) {
-        match count(&path, &arguments.input) {
+        match count(&path, &arguments.input, &options) {
             Ok((statistics, decoder, format)) => {
                 let capture = path.display().to_string();
                 let report = Report { capture, format, statistics, decoder, arguments };
@@ -60,9 +68,13 @@ pub fn run(arguments: &StatsArgs) -> Exit {
     exit
 }
 
-fn count(path: &Path, input: &InputArgs) -> anyhow::Result<(Statistics, Decoder, &'static str)> {
+fn count(
+    path: &Path,
+    input: &InputArgs,
+    options: &SessionOptions,
+) -> anyhow::Result<(Statistics, Decoder, &'static str)> {
     let mut capture = source::open(path, &read_options(input))?;
-    let mut decoder = Decoder::new(session_options(input));
+    let mut decoder = Decoder::new(options.clone());
     let mut statistics = Statistics::default();
     let mut batch = Batch::new();
     while capture.reader.read(&mut batch)? {

@@ -94,7 +94,7 @@ fn load(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics, start: i64, 
             load.worst_bits.0 / 1000,
             since(at, start)
         );
-        match report.bit_rate(bus.name()) {
+        match report.bit_rate(bus) {
             Some(rate) => {
                 let percent = |bits: u128| bits * 100 / u128::from(rate);
                 let mean = percent(per_second(load.bits));

@@ -1,0 +1,185 @@
+//! The bus file: what the user knows of a machine and no frame tells. `docs/bus-file.md` shows it.
+//!
+//! ```toml
+//! [bus.can0]
+//! bitrate = 250000
+//! [node.5]
+//! name = "pump"
+//! [[id]]
+//! id = 0x1A0
+//! service = "tpdo1"
+//! node = 5
+//! ```
+
+mod model;
+mod value;
+
+use crate::frame::CanId;
+use crate::profile::{Owner, TextError};
+use crate::wire::canopen::ObjectAddress;
+
+/// Slowest and fastest bit rate believed, in bit/s.
+const BIT_RATES: std::ops::RangeInclusive<u32> = 1_000..=10_000_000;
+
+/// What is known of one bus, or of all.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Settings {
+    /// Bits a second.
+    pub bit_rate: Option<u32>,
+    /// Names of nodes by node-ID.
+    pub names: Vec<(u8, String)>,
+    /// What identifiers mean.
+    pub owners: Vec<(CanId, Owner)>,
+    /// Values of objects by node-ID.
+    pub objects: Vec<(u8, ObjectAddress, Vec<u8>)>,
+}
+
+/// A bus file that was understood.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct BusFile {
+    /// What holds on every bus.
+    pub everywhere: Settings,
+    /// What holds on one bus, by its name; it goes before what holds everywhere.
+    pub buses: Vec<(String, Settings)>,
+}
+
+impl BusFile {
+    /// Reads the text of a bus file.
+    ///
+    /// # Errors
+    /// Text that is no TOML, unknown keys, values out of range; with the place.
+    pub fn parse(text: &str) -> Result<Self, TextError> {
+        let file: model::File = toml::from_str(text).map_err(|error| TextError::of_toml(text, &error))?;
+        file.check().map_err(|(span, message)| TextError::at(text, span, message))
+    }
+
+    /// What is said of the bus with this name and of every bus, the special before the general.
+    fn of<'a>(&'a self, bus: &'a str) -> impl DoubleEndedIterator<Item = &'a Settings> {
+        let own = self.buses.iter().filter(move |(name, _)| name == bus).map(|(_, settings)| settings);
+        own.chain(std::iter::once(&self.everywhere))
+    }
+
+    /// Bit rate of a bus.
+    pub fn bit_rate(&self, bus: &str) -> Option<u32> {
+        self.of(bus).find_map(|settings| settings.bit_rate)
+    }
+
+    /// Name of a node.
+    pub fn name<'a>(&'a self, bus: &'a str, node: u8) -> Option<&'a str> {
+        let mut names = self.of(bus).flat_map(|settings| &settings.names);
+        names.find(|(id, _)| *id == node).map(|(_, name)| name.as_str())
+    }
+
+    /// What identifiers mean; of two statements about one the last counts.
+    pub fn owners<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = (CanId, Owner)> + 'a {
+        self.of(bus).rev().flat_map(|settings| settings.owners.iter().copied())
+    }
+
+    /// Values of objects; of two for one object the last counts.
+    pub fn objects<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = &'a (u8, ObjectAddress, Vec<u8>)> {
+        self.of(bus).rev().flat_map(|settings| &settings.objects)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::profile::{PdoDirection, PdoName};
+    use crate::wire::canopen::sdo::Side;
+
+    const TPDO1: PdoName = PdoName { direction: PdoDirection::Transmit, number: 1 };
+
+    #[test]
+    fn everything_a_bus_file_can_say() {
+        let file = BusFile::parse(
+            r#"
+            [bus.can0]
+            bitrate = 250000
+            [bus.can0.node.0x05]
+            name = "pump"
+            [node.5]
+            name = "any"
+            [[node.5.object]]
+            object = "1A00:01"
+            value = 0x60410010
+            [[node.5.object]]
+            object = "2000sub1"
+            data = "01 02 03"
+            [[id]]
+            id = 0x1A0
+            service = "tpdo1"
+            node = 5
+            [[id]]
+            id = 0x1A1
+            extended = true
+            service = "sdo-request"
+            node = 5
+            [[id]]
+            id = "00000080"
+            service = "sync"
+            [[id]]
+            id = "7E5"
+            service = "none"
+            "#,
+        );
+        let file = file.unwrap();
+        assert_eq!((file.bit_rate("can0"), file.bit_rate("can1")), (Some(250_000), None));
+        assert_eq!((file.name("can0", 5), file.name("can1", 5)), (Some("pump"), Some("any")));
+        let owners: Vec<_> = file.owners("can1").collect();
+        assert_eq!(owners[0], (CanId::standard(0x1A0), Owner::Pdo(TPDO1, 5)));
+        assert_eq!(owners[1], (CanId::extended(0x1A1), Owner::Sdo(Side::Client, 5)));
+        assert_eq!(owners[2], (CanId::extended(0x80), Owner::Sync));
+        assert_eq!(owners[3], (CanId::standard(0x7E5), Owner::Unclassified));
+        let objects: Vec<_> = file.objects("can0").collect();
+        assert_eq!(*objects[0], (5, ObjectAddress::new(0x1A00, 1), vec![0x10, 0, 0x41, 0x60]));
+        assert_eq!(*objects[1], (5, ObjectAddress::new(0x2000, 1), vec![1, 2, 3]));
+    }
+
+    #[track_caller]
+    fn fails(text: &str, message: &str) {
+        let error = BusFile::parse(text).unwrap_err().to_string();
+        assert!(error.contains(message), "{error}");
+    }
+
+    #[test]
+    fn errors_have_a_place_and_a_caret() {
+        let error = BusFile::parse("[node.5]\nnmae = \"pump\"\n").unwrap_err();
+        let expected = "b.toml:2:1: unknown field `nmae`, expected `name` or `object`\n  2 | nmae = \"pump\"\n    | ^^^^";
+        assert_eq!(error.show("b.toml"), expected);
+        let error = BusFile::parse("[[id]]\nid = 0x1A0\nservice = \"tpd1\"\n").unwrap_err();
+        let shown = error.show("b.toml");
+        assert!(shown.starts_with("b.toml:3:11: 'tpd1' is no service"), "{shown}");
+        assert!(shown.ends_with("\n  3 | service = \"tpd1\"\n    |           ^^^^^^"), "{shown}");
+    }
+
+    #[test]
+    fn values_out_of_range_are_refused() {
+        fails("[node.128]\nname = \"x\"", "1:7: a node-ID is 1 to 127");
+        fails("[node.pump]\nname = \"x\"", "a node-ID is 1 to 127");
+        fails("[bus.can0]\nbitrate = 250", "in bit/s: 250 kbit/s is 250000");
+        fails("[[id]]\nid = 0x20000000\nservice = \"sync\"", "2:6: an identifier has 11 or 29 bits");
+        fails("[[id]]\nid = \"1FFG\"\nservice = \"sync\"", "an identifier");
+        fails("[[id]]\nid = 1\nservice = \"emcy\"", "needs a node");
+        fails("[[id]]\nid = 1\nservice = \"sync\"\nnode = 5", "4:8: sync belongs to no node");
+        fails("[[id]]\nid = 1\nservice = \"tpdo513\"\nnode = 5", "is no service");
+        fails("[[id]]\nid = 1\nservice = \"emcy\"\nnode = 0", "4:8: a node-ID is 1 to 127");
+        fails(
+            "[[id]]\nid = 1\nservice = \"sync\"\n[[id]]\nid = \"001\"\nservice = \"time\"",
+            "5:6: 001 is given twice",
+        );
+    }
+
+    #[test]
+    fn values_must_fit_their_objects() {
+        let object = |rest: &str| format!("[[node.5.object]]\nobject = \"1017:00\"\n{rest}");
+        let value =
+            |rest: &str| BusFile::parse(&object(rest)).map(|file| file.everywhere.objects[0].2.clone());
+        assert_eq!(value("value = 1000"), Ok(vec![0xE8, 3]));
+        fails(&object("value = 65536"), "3:9: 65536 does not fit UNSIGNED16");
+        fails(&object("value = -1"), "does not fit");
+        fails(&object(""), "give value or data");
+        fails(&object("data = \"1\""), "hex pairs");
+        fails("[[node.5.object]]\nobject = \"10170\"\nvalue = 1", "2:10: an object is written 1018:01");
+        fails("[[node.5.object]]\nobject = \"1010:01\"\nvalue = \"save\"\ndata = \"00\"", "not both");
+    }
+}

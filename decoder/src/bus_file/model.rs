@@ -1,0 +1,230 @@
+//! The file as TOML, and what each part must be.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use serde::Deserialize;
+use toml::Spanned;
+
+use super::value::{Value, bytes};
+use super::{BIT_RATES, BusFile, Settings};
+use crate::frame::CanId;
+use crate::profile::{Owner, PdoDirection, PdoName};
+use crate::wire::canopen::ObjectAddress;
+use crate::wire::canopen::sdo::Side;
+
+/// What is wrong, and where in the text.
+pub(super) type Wrong = (Range<usize>, String);
+
+const NODE_ID: &str = "a node-ID is 1 to 127";
+
+const SERVICES: &str = "nmt, sync, time, emcy, tpdo1 to tpdo512, rpdo1 to rpdo512, sdo-request, sdo-response, \
+                        heartbeat, lss-master, lss-slave or none";
+
+type Nodes = BTreeMap<Spanned<String>, Node>;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct File {
+    #[serde(default)]
+    bus: BTreeMap<String, Bus>,
+    #[serde(default)]
+    node: Nodes,
+    #[serde(default)]
+    id: Vec<Id>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Bus {
+    #[serde(default)]
+    bitrate: Option<Spanned<i64>>,
+    #[serde(default)]
+    node: Nodes,
+    #[serde(default)]
+    id: Vec<Id>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Node {
+    #[serde(default)]
+    name: Option<String>,
+    #[serde(default)]
+    object: Vec<Object>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Object {
+    #[serde(rename = "object")]
+    address: Spanned<String>,
+    #[serde(default)]
+    value: Option<Spanned<Value>>,
+    #[serde(default)]
+    data: Option<Spanned<String>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Id {
+    #[serde(rename = "id")]
+    number: Spanned<Number>,
+    #[serde(default)]
+    extended: bool,
+    service: Spanned<String>,
+    #[serde(default)]
+    node: Option<Spanned<i64>>,
+}
+
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Number {
+    Integer(i64),
+    Text(String),
+}
+
+impl File {
+    /// What the file says, or the first thing wrong with it.
+    pub(super) fn check(self) -> Result<BusFile, Wrong> {
+        let everywhere = settings(None, self.node, self.id)?;
+        let buses = self.bus.into_iter().map(|(name, bus)| {
+            let settings = settings(bus.bitrate, bus.node, bus.id)?;
+            Ok((name, settings))
+        });
+        Ok(BusFile { everywhere, buses: buses.collect::<Result<_, Wrong>>()? })
+    }
+}
+
+fn settings(bit_rate: Option<Spanned<i64>>, nodes: Nodes, ids: Vec<Id>) -> Result<Settings, Wrong> {
+    let mut settings = Settings::default();
+    if let Some(rate) = bit_rate {
+        let known = u32::try_from(*rate.get_ref()).ok().filter(|rate| BIT_RATES.contains(rate));
+        let wrong = || (rate.span(), "bitrate is in bit/s: 250 kbit/s is 250000".to_owned());
+        settings.bit_rate = Some(known.ok_or_else(wrong)?);
+    }
+    for (key, node) in nodes {
+        let id = node_key(key.get_ref()).ok_or_else(|| (key.span(), NODE_ID.to_owned()))?;
+        settings.names.extend(node.name.map(|name| (id, name)));
+        for object in node.object {
+            let (address, value) = object.check()?;
+            settings.objects.push((id, address, value));
+        }
+    }
+    for id in ids {
+        let span = id.number.span();
+        let (can_id, owner) = id.check()?;
+        if settings.owners.iter().any(|(known, _)| *known == can_id) {
+            return Err((span, format!("{can_id} is given twice")));
+        }
+        settings.owners.push((can_id, owner));
+    }
+    Ok(settings)
+}
+
+/// A node-ID as the name of a table: `5` or `0x05`.
+fn node_key(key: &str) -> Option<u8> {
+    let id = match key.strip_prefix("0x") {
+        Some(digits) => u8::from_str_radix(digits, 16).ok(),
+        None => key.parse().ok(),
+    };
+    id.filter(|id| (1..=127).contains(id))
+}
+
+impl Object {
+    fn check(self) -> Result<(ObjectAddress, Vec<u8>), Wrong> {
+        let span = self.address.span();
+        let address: ObjectAddress =
+            self.address.get_ref().parse().map_err(|error| (span.clone(), format!("{error}")))?;
+        let value = match (self.value, self.data) {
+            (Some(value), None) => {
+                let span = value.span();
+                bytes(address, value.into_inner()).map_err(|message| (span, message))?
+            }
+            (None, Some(data)) => hex(data.get_ref())
+                .ok_or_else(|| (data.span(), "data is hex pairs, such as \"10 00 41 60\"".to_owned()))?,
+            (Some(_), Some(data)) => return Err((data.span(), "give value or data, not both".into())),
+            (None, None) => return Err((span, "give value or data of the object".into())),
+        };
+        Ok((address, value))
+    }
+}
+
+fn hex(text: &str) -> Option<Vec<u8>> {
+    let digits: Vec<u8> = text.bytes().filter(|byte| *byte != b' ').collect();
+    let pair = |pair: &[u8]| match pair {
+        [high, low] if high.is_ascii_hexdigit() && low.is_ascii_hexdigit() => {
+            u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok()
+        }
+        _ => None,
+    };
+    digits.chunks(2).map(pair).collect()
+}
+
+impl Id {
+    fn check(&self) -> Result<(CanId, Owner), Wrong> {
+        let wide =
+            "an identifier has 11 or 29 bits: 0x1A0, or \"1A0\" and \"000001A0\" as candump prints them";
+        let id = self.can_id().ok_or_else(|| (self.number.span(), wide.to_owned()))?;
+        let node = match &self.node {
+            Some(node) => {
+                let known = u8::try_from(*node.get_ref()).ok().filter(|id| (1..=127).contains(id));
+                Some(known.ok_or_else(|| (node.span(), NODE_ID.to_owned()))?)
+            }
+            None => None,
+        };
+        Ok((id, self.owner(node)?))
+    }
+
+    fn can_id(&self) -> Option<CanId> {
+        let (number, extended) = match self.number.get_ref() {
+            Number::Integer(number) => (u32::try_from(*number).ok()?, self.extended || *number > 0x7FF),
+            Number::Text(text) => {
+                let hex = matches!(text.len(), 3 | 8) && text.bytes().all(|byte| byte.is_ascii_hexdigit());
+                let number = hex.then(|| u32::from_str_radix(text, 16).ok()).flatten()?;
+                (number, self.extended || text.len() == 8)
+            }
+        };
+        match (u16::try_from(number), extended) {
+            (Ok(id), false) if id <= 0x7FF => Some(CanId::Standard(id)),
+            (_, true) if number <= 0x1FFF_FFFF => Some(CanId::Extended(number)),
+            _ => None,
+        }
+    }
+
+    fn owner(&self, node: Option<u8>) -> Result<Owner, Wrong> {
+        let service = self.service.get_ref().as_str();
+        let needed = node.ok_or_else(|| (self.service.span(), format!("{service} needs a node")));
+        let owner = match service {
+            "emcy" => return needed.map(Owner::Emcy),
+            "heartbeat" => return needed.map(Owner::ErrorControl),
+            "sdo-request" => return needed.map(|node| Owner::Sdo(Side::Client, node)),
+            "sdo-response" => return needed.map(|node| Owner::Sdo(Side::Server, node)),
+            "nmt" => Owner::Nmt,
+            "sync" => Owner::Sync,
+            "time" => Owner::Time,
+            "lss-master" => Owner::Lss(true),
+            "lss-slave" => Owner::Lss(false),
+            "none" => Owner::Unclassified,
+            other => {
+                let unknown = || (self.service.span(), format!("'{other}' is no service: {SERVICES}"));
+                let name = pdo(other).ok_or_else(unknown)?;
+                return needed.map(|node| Owner::Pdo(name, node));
+            }
+        };
+        match &self.node {
+            Some(node) => Err((node.span(), format!("{service} belongs to no node"))),
+            None => Ok(owner),
+        }
+    }
+}
+
+fn pdo(service: &str) -> Option<PdoName> {
+    let (direction, number) = match (service.strip_prefix("tpdo"), service.strip_prefix("rpdo")) {
+        (Some(number), _) => (PdoDirection::Transmit, number),
+        (None, Some(number)) => (PdoDirection::Receive, number),
+        (None, None) => return None,
+    };
+    let number = number.parse().ok().filter(|number| (1..=512).contains(number))?;
+    Some(PdoName { direction, number })
+}

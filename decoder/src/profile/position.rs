@@ -1,0 +1,96 @@
+//! Where in a text an error is, and the line with a caret under it: for every TOML file a user writes.
+
+use std::fmt;
+use std::ops::Range;
+
+/// An error in a text, with the place it is about.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TextError {
+    /// What is wrong and what is expected.
+    pub message: String,
+    /// Line, from 1.
+    pub line: usize,
+    /// Column in characters, from 1.
+    pub column: usize,
+    /// The line itself.
+    excerpt: String,
+    /// Characters the error is about, at least one.
+    width: usize,
+}
+
+impl TextError {
+    /// An error about the bytes `span` of `text`; of several lines the first counts.
+    pub fn at(text: &str, span: Range<usize>, message: impl Into<String>) -> Self {
+        let start = floor(text, span.start);
+        let before = text.get(..start).unwrap_or_default();
+        let line_start = before.rfind('\n').map_or(0, |at| at + 1);
+        let rest = text.get(line_start..).unwrap_or_default();
+        let excerpt = rest.split('\n').next().unwrap_or_default().trim_end();
+        let column = text.get(line_start..start).unwrap_or_default().chars().count() + 1;
+        let end = floor(text, span.end.max(start)).min(line_start + excerpt.len());
+        let width = text.get(start..end).map_or(1, |marked| marked.chars().count()).max(1);
+        Self {
+            message: message.into(),
+            line: before.matches('\n').count() + 1,
+            column,
+            excerpt: excerpt.to_owned(),
+            width,
+        }
+    }
+
+    /// What the TOML reader says about `text`.
+    pub fn of_toml(text: &str, error: &toml::de::Error) -> Self {
+        Self::at(text, error.span().unwrap_or(0..0), error.message())
+    }
+
+    /// `FILE:3:9: message`, the line, and a caret line below it.
+    pub fn show(&self, file: &str) -> String {
+        format!("{}:{self}", file.replace(char::is_control, "\u{FFFD}"))
+    }
+}
+
+/// The error without the name of its file.
+impl fmt::Display for TextError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { line, column, width, .. } = *self;
+        let message = self.message.replace('\n', ", ").replace(char::is_control, "\u{FFFD}");
+        let excerpt = self.excerpt.replace('\t', " ").replace(char::is_control, "\u{FFFD}");
+        let number = line.to_string();
+        let gutter = " ".repeat(number.len());
+        writeln!(f, "{line}:{column}: {message}")?;
+        writeln!(f, "  {number} | {excerpt}")?;
+        write!(f, "  {gutter} | {:skip$}{}", "", "^".repeat(width), skip = column - 1)
+    }
+}
+
+impl std::error::Error for TextError {}
+
+/// The character boundary at or before `at`.
+fn floor(text: &str, at: usize) -> usize {
+    let mut at = at.min(text.len());
+    while !text.is_char_boundary(at) {
+        at -= 1;
+    }
+    at
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_caret_stands_under_the_text_whatever_is_before_it() {
+        let text = "a = 1\n\tä = \"x\u{1b}y\"\n";
+        let error = TextError::at(text, 8..9, "unknown");
+        assert_eq!((error.line, error.column), (2, 2));
+        let error = TextError::at(text, text.find('"').unwrap()..text.len() - 1, "not this");
+        assert_eq!(error.show("f.toml"), "f.toml:2:6: not this\n  2 |  ä = \"x\u{FFFD}y\"\n    |      ^^^^^");
+    }
+
+    #[test]
+    fn places_beyond_the_end_are_the_end() {
+        let error = TextError::at("a", 7..9, "m");
+        assert_eq!((error.line, error.column), (1, 2));
+        assert_eq!(TextError::at("", 0..0, "m").to_string(), "1:1: m\n  1 | \n    | ^");
+    }
+}

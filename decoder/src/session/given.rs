@@ -1,0 +1,151 @@
+//! What the user states about a bus, taken before its first frame.
+
+use std::sync::Arc;
+
+use super::Bus;
+use super::routes::Service;
+use super::store::{Origin, OriginKind};
+use crate::frame::CanId;
+use crate::profile::Owner;
+use crate::wire::canopen::sdo::Side;
+
+/// Number of the SDO channel the user describes, beside 1200 and up that a node has.
+const GIVEN_CHANNEL: u16 = 0;
+
+impl Bus {
+    /// Takes over the bus file: identifiers first, they also go before what its objects tell.
+    pub(super) fn take_given(&mut self) {
+        let options = Arc::clone(&self.options);
+        let name = Arc::clone(&self.name);
+        let owners: Vec<(CanId, Owner)> = options.bus_file.owners(&name).collect();
+        for (id, owner) in &owners {
+            let service = match owner {
+                Owner::Sdo(_, node) => self.given_channel(*node, &owners),
+                _ => None,
+            };
+            let service = match (owner, service) {
+                (Owner::Sdo(side, _), Some(channel)) => Service::Sdo(*side, channel),
+                _ => self.service_of(*owner),
+            };
+            self.routes.give(*id, service);
+        }
+        let origin = Origin { kind: OriginKind::BusFile, frame: 0, time: None };
+        for (id, address, value) in options.bus_file.objects(&name) {
+            let Some(node) = self.node_mut(*id) else { continue };
+            // More objects than a node can have are a file no person wrote.
+            if Arc::make_mut(&mut node.store).set(*address, value, origin).is_ok() {
+                self.take_effect(*id, *address);
+            }
+        }
+    }
+
+    /// A node's SDO channel with the identifiers given, by default where one side is not.
+    fn given_channel(&mut self, node: u8, owners: &[(CanId, Owner)]) -> Option<u16> {
+        let find = |side, base: u16| {
+            let given = owners.iter().find(|(_, owner)| *owner == Owner::Sdo(side, node));
+            given.map_or(CanId::standard(base + u16::from(node)), |(id, _)| *id)
+        };
+        let (request, response) = (find(Side::Client, 0x600), find(Side::Server, 0x580));
+        self.channels.add(node, GIVEN_CHANNEL, request, response, None)
+    }
+
+    /// Bit rate the user gave, in bit/s.
+    pub fn bit_rate(&self) -> Option<u32> {
+        self.options.bus_file.bit_rate(&self.name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bus_file::BusFile;
+    use crate::event::{Event, EventKind};
+    use crate::frame::{BusIndex, Frame, Timestamp};
+    use crate::profile::{PdoDirection, PdoName};
+    use crate::session::SessionOptions;
+    use crate::wire::canopen::ObjectAddress;
+
+    fn bus(text: &str) -> Bus {
+        let bus_file = BusFile::parse(text).unwrap();
+        Bus::new(BusIndex(0), "can0", Arc::new(SessionOptions { bus_file, ..SessionOptions::default() }))
+    }
+
+    fn events(bus: &mut Bus, frames: &[(CanId, &[u8])]) -> Vec<Event> {
+        let mut events = Vec::new();
+        for (number, (id, data)) in (1..).zip(frames) {
+            let mut frame = Frame::data_frame(*id, data);
+            frame.number = number;
+            frame.time = Some(Timestamp(1_000_000 * i64::try_from(number).unwrap()));
+            bus.push(&frame, &mut |event: &Event, _: &Bus| events.push(event.clone()));
+        }
+        events
+    }
+
+    #[test]
+    fn an_sdo_channel_on_29_bits() {
+        let mut bus = bus(r#"
+            [[id]]
+            id = 0x18DA05F1
+            service = "sdo-request"
+            node = 5
+            [[id]]
+            id = 0x18DAF105
+            service = "sdo-response"
+            node = 5
+        "#);
+        let (request, response) = (CanId::extended(0x18DA_05F1), CanId::extended(0x18DA_F105));
+        let events = events(
+            &mut bus,
+            &[
+                (request, &[0x40, 0x17, 0x10, 0, 0, 0, 0, 0]),
+                (response, &[0x4B, 0x17, 0x10, 0, 0xE8, 3, 0, 0]),
+            ],
+        );
+        let transfer = events.iter().find_map(|event| match &event.kind {
+            EventKind::SdoTransfer(transfer) => Some(transfer),
+            _ => None,
+        });
+        let transfer = transfer.unwrap();
+        assert_eq!(transfer.object, Some(ObjectAddress::new(0x1017, 0)));
+        assert_eq!((transfer.request, transfer.response), (request, response));
+    }
+
+    #[test]
+    fn what_is_given_goes_before_what_is_learnt() {
+        let tpdo2 = PdoName { direction: PdoDirection::Transmit, number: 2 };
+        let mut bus = bus("[[id]]\nid = 0x1A0\nservice = \"tpdo2\"\nnode = 7\n");
+        // Node 5 is told to send its TPDO1 as 1A0.
+        let events = events(
+            &mut bus,
+            &[
+                (CanId::standard(0x605), &[0x23, 0x00, 0x18, 1, 0xA0, 1, 0, 0]),
+                (CanId::standard(0x585), &[0x60, 0x00, 0x18, 1, 0, 0, 0, 0]),
+                (CanId::standard(0x1A0), &[1]),
+            ],
+        );
+        let pdos = events.iter().filter_map(|event| match &event.kind {
+            EventKind::Pdo(pdo) => Some((pdo.name, event.node)),
+            _ => None,
+        });
+        assert_eq!(pdos.collect::<Vec<_>>(), [(tpdo2, Some(7))]);
+    }
+
+    #[test]
+    fn objects_that_are_given_make_layouts() {
+        let mut bus = bus(r#"
+            [[node.5.object]]
+            object = "1A00:01"
+            value = 0x60410010
+            [[node.5.object]]
+            object = "1A00:00"
+            value = 1
+        "#);
+        let events = events(&mut bus, &[(CanId::standard(0x185), &[0x37, 0x02])]);
+        let layout = events.iter().find_map(|event| match &event.kind {
+            EventKind::Pdo(pdo) => pdo.layout.clone(),
+            _ => None,
+        });
+        let layout = layout.unwrap();
+        assert_eq!((layout.origin, layout.fields[0].object), ("bus-file", ObjectAddress::new(0x6041, 0)));
+    }
+}

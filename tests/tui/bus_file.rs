@@ -1,0 +1,74 @@
+//! `--bus FILE`.
+
+use std::fs;
+use std::path::PathBuf;
+
+use crate::cli::run;
+use crate::support::workspace;
+
+/// A bus file with this text, named after its test.
+fn file(name: &str, text: &str) -> PathBuf {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
+    let path = folder.join(name);
+    fs::write(&path, text).unwrap();
+    path
+}
+
+fn decode(bus: &str, text: &str, input: &str) -> String {
+    let path = file(bus, text);
+    let output = run(&["decode", "--bus", path.to_str().unwrap()], input);
+    assert_eq!(output.code, 0, "{}", output.stderr);
+    output.stdout
+}
+
+#[test]
+fn names_stand_beside_node_ids_on_their_bus() {
+    let text = "[node.5]\nname = \"pump\"\n[bus.can1.node.5]\nname = \"clamp\"\n";
+    let input = "(1700000000.0) can0 705#00\n(1700000000.1) can1 705#00\n";
+    let output = decode("names.toml", text, input);
+    assert!(output.contains("5/05 pump") && output.contains("can1 5/05 clamp"), "{output}");
+}
+
+#[test]
+fn an_identifier_of_29_bits_becomes_a_pdo_with_values() {
+    // 6041:00, 16 bits, least significant byte first: 0x0237.
+    let text = "[[id]]\nid = 0x18FF0005\nservice = \"tpdo1\"\nnode = 5\n\
+                [[node.5.object]]\nobject = \"1A00:00\"\nvalue = 1\n\
+                [[node.5.object]]\nobject = \"1A00:01\"\nvalue = 0x60410010\n";
+    let output = decode("pdo.toml", text, "(1700000000.0) can0 18FF0005#3702\n");
+    assert!(output.contains("TPDO1") && output.contains("6041:00") && output.contains("567"), "{output}");
+}
+
+#[test]
+fn a_bit_rate_makes_the_load() {
+    // 100 frames a second of 48 bits each (see bits.rs), 10 ms apart: 4,800 bit/s are 48 % of 10 kbit/s.
+    let path = file("rate.toml", "[bus.can0]\nbitrate = 10000\n");
+    let lines = (0..300).map(|n| format!("({}.{:02}0000) can0 555#\n", 1_700_000_000 + n / 100, n % 100));
+    let output = run(&["stats", "--bus", path.to_str().unwrap(), "-"], &lines.collect::<String>());
+    assert!(output.stdout.contains("load 48 % of 10 kbit/s, worst second 48 %"), "{}", output.stdout);
+}
+
+#[test]
+fn a_mistake_gives_4_and_its_place() {
+    let path = file("mistake.toml", "[node.5]\nnmae = \"pump\"\n");
+    let name = path.to_str().unwrap();
+    for command in ["decode", "objects", "stats"] {
+        let output = run(&[command, "--bus", name, "fixtures/canopen/emcy.log"], "");
+        assert_eq!(output.code, 4);
+        let expected = format!(
+            "cobscope: {name}:2:1: unknown field `nmae`, expected `name` or `object`\n  \
+             2 | nmae = \"pump\"\n    | ^^^^\n"
+        );
+        assert_eq!(output.stderr, expected);
+    }
+    let missing = run(&["decode", "--bus", "no/such.toml", "fixtures/canopen/emcy.log"], "");
+    assert_eq!((missing.code, missing.stderr.contains("no/such.toml: cannot be read")), (4, true));
+}
+
+#[test]
+fn the_document_s_example_is_a_bus_file() {
+    let document = fs::read_to_string(workspace().join("docs/bus-file.md")).unwrap();
+    let example = document.split("```toml\n").nth(1).unwrap().split("```").next().unwrap();
+    let output = decode("example.toml", example, "(1700000000.0) can0 720#00\n");
+    assert!(output.contains("32/20 boom"), "{output}");
+}
