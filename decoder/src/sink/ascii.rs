@@ -27,19 +27,37 @@ pub(super) fn push_part<const N: usize>(out: &mut Vec<u8>, bytes: [u8; N], kept:
     out.truncate(end);
 }
 
+/// Eight digits fill a register; numbers from here on need several.
+const PART: u64 = 100_000_000;
+
 /// Appends a number.
 #[inline]
 pub(super) fn push_decimal(out: &mut Vec<u8>, value: u64) {
-    const PART: u64 = 100_000_000;
     if value < PART {
-        let digits = decimal_digits(value);
-        let leading = (digits.trailing_zeros() / 8).min(7);
-        let text = (digits | each(b'0')) >> (leading * 8);
-        push_part(out, text.to_le_bytes(), 8 - leading as usize);
+        push_short(out, value);
     } else {
-        push_decimal(out, value / PART);
-        out.extend_from_slice(&(decimal_digits(value % PART) | each(b'0')).to_le_bytes());
+        push_long(out, value);
     }
+}
+
+/// Appends a number below [`PART`].
+#[inline]
+fn push_short(out: &mut Vec<u8>, value: u64) {
+    let digits = decimal_digits(value);
+    let leading = (digits.trailing_zeros() / 8).min(7);
+    let text = (digits | each(b'0')) >> (leading * 8);
+    push_part(out, text.to_le_bytes(), 8 - leading as usize);
+}
+
+fn push_long(out: &mut Vec<u8>, value: u64) {
+    let (high, low) = (value / PART, value % PART);
+    if high < PART {
+        push_short(out, high);
+    } else {
+        push_short(out, high / PART);
+        push_digits(out, high % PART, 8);
+    }
+    push_digits(out, low, 8);
 }
 
 /// Appends a number with its sign.
@@ -54,7 +72,7 @@ pub(super) fn push_integer(out: &mut Vec<u8>, value: i64) {
 /// Appends a number below 10^9 with nine digits.
 #[inline]
 pub(super) fn push_nine(out: &mut Vec<u8>, value: u64) {
-    out.extend_from_slice(&(decimal_digits(value / 10 % 100_000_000) | each(b'0')).to_le_bytes());
+    out.extend_from_slice(&(decimal_digits(value / 10 % PART) | each(b'0')).to_le_bytes());
     out.push(b'0' | (value % 10).to_le_bytes()[0]);
 }
 
@@ -62,7 +80,7 @@ pub(super) fn push_nine(out: &mut Vec<u8>, value: u64) {
 #[inline]
 pub(super) fn push_digits(out: &mut Vec<u8>, value: u64, digits: usize) {
     let digits = digits.clamp(1, 8);
-    let text = (decimal_digits(value % 100_000_000) | each(b'0')) >> ((8 - digits) * 8);
+    let text = (decimal_digits(value % PART) | each(b'0')) >> ((8 - digits) * 8);
     push_part(out, text.to_le_bytes(), digits);
 }
 
