@@ -11,8 +11,12 @@ mod belief;
 mod bus;
 mod canopen;
 mod clock;
+mod deadlines;
+mod emit;
 mod given;
 mod node;
+mod nodes;
+
 mod routes;
 mod store;
 mod timers;

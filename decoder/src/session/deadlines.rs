@@ -1,0 +1,73 @@
+//! Time on a bus: what a stamp brings, and what comes due.
+
+use super::timers::Subject;
+use super::{Bus, Observer};
+use crate::event::{Event, EventKind, FrameRange, Protocol};
+use crate::frame::Timestamp;
+
+impl Bus {
+    #[inline]
+    pub(super) fn tick(&mut self, stamp: Timestamp, number: u64, out: &mut dyn Observer) {
+        let advance = self.clock.advance(stamp);
+        if advance.step.is_some() || advance.silence.is_some() {
+            self.irregular(stamp, number, advance.step, advance.silence, out);
+        }
+        if self.timers.is_due(advance.now) {
+            self.expire(advance.now, out);
+        }
+    }
+
+    #[cold]
+    fn irregular(
+        &mut self,
+        stamp: Timestamp,
+        number: u64,
+        step: Option<i64>,
+        silence: Option<(i64, i64)>,
+        out: &mut dyn Observer,
+    ) {
+        let event = |kind| Event {
+            time: Some(stamp),
+            bus: self.index,
+            frames: FrameRange { first: self.last_frame, last: number },
+            protocol: Protocol::Can,
+            node: None,
+            presumed: false,
+            routine: false,
+            kind,
+        };
+        if let Some(step) = step {
+            out.event(&event(EventKind::ClockStep { step }), self);
+        }
+        if let Some((gap, limit)) = silence {
+            // Deadlines before the bus fell silent stand; those within the silence are put off by it.
+            let event = event(EventKind::BusSilent { gap });
+            let fell_silent = self.clock.now().saturating_sub(gap).saturating_add(limit);
+            self.expire(fell_silent, out);
+            out.event(&event, self);
+            self.silent_until = Some(self.clock.now());
+            self.postpone(gap);
+        }
+    }
+
+    /// Moves every deadline that is not over yet by `delay`.
+    fn postpone(&mut self, delay: i64) {
+        self.channels.postpone(delay);
+        for node in &mut self.nodes {
+            if let Some(deadline) = &mut node.heartbeat.deadline {
+                *deadline = deadline.saturating_add(delay);
+            }
+        }
+    }
+
+    /// Handles every deadline before `now`.
+    #[cold]
+    fn expire(&mut self, now: i64, out: &mut dyn Observer) {
+        while let Some((_, subject)) = self.timers.take_due(now) {
+            match subject {
+                Subject::SdoChannel(channel) => self.sdo_deadline(channel, now, out),
+                Subject::Heartbeat(node) => self.heartbeat_deadline(node, now, out),
+            }
+        }
+    }
+}

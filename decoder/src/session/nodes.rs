@@ -1,0 +1,143 @@
+//! What can be asked of a bus, and its nodes by node-ID.
+
+use super::Bus;
+use super::belief::Standing;
+use super::node::Node;
+use super::routes::Service;
+use super::timers::Subject;
+use crate::frame::{BusIndex, CanId};
+use crate::wire::canopen::sdo::Side;
+
+impl Bus {
+    /// Name of the interface.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Index within the capture.
+    pub fn index(&self) -> BusIndex {
+        self.index
+    }
+
+    /// Whether the traffic is believed to be CANopen.
+    pub fn is_canopen(&self) -> bool {
+        self.belief.is_believed()
+    }
+
+    /// The node with this node-ID now.
+    pub fn node(&self, id: u8) -> Option<&Node> {
+        let place = *self.node_by_id.get(usize::from(id))?;
+        self.nodes.get(usize::from(place.checked_sub(1)?))
+    }
+
+    /// All nodes in order of their node-ID.
+    pub fn nodes(&self) -> impl Iterator<Item = &Node> {
+        (1..=127).filter_map(|id| self.node(id))
+    }
+
+    /// What an identifier means now, for people: `TPDO1 of 5`, `SDO response of 15`.
+    pub fn describe_id(&self, id: CanId) -> String {
+        match self.routes.find(id).and_then(|slot| self.routes.slot(slot)).map(|slot| slot.service) {
+            _ if !self.belief.is_believed() => String::new(),
+            None | Some(Service::Unclassified) => String::new(),
+            Some(Service::Named(name)) => name.to_owned(),
+            Some(Service::Nmt) => "NMT".to_owned(),
+            Some(Service::Sync) => "SYNC".to_owned(),
+            Some(Service::Time) => "TIME".to_owned(),
+            Some(Service::Emcy(node)) => format!("EMCY of {node}"),
+            Some(Service::Pdo(name, node)) => format!("{name} of {node}"),
+            Some(Service::ErrorControl(node)) => format!("heartbeat, guarding of {node}"),
+            Some(Service::Lss(true)) => "LSS master".to_owned(),
+            Some(Service::Lss(false)) => "LSS slave".to_owned(),
+            Some(Service::Sdo(side, channel)) => {
+                let server = self.channels.server(channel).unwrap_or(0);
+                match side {
+                    Side::Client => format!("SDO request to {server}"),
+                    Side::Server => format!("SDO response of {server}"),
+                }
+            }
+        }
+    }
+
+    /// Why it is not taken for CANopen; `None` where it is, or nothing speaks against it yet.
+    pub fn doubt(&self) -> Option<String> {
+        (self.belief.standing() == Standing::Doubted).then(|| self.belief.reason())
+    }
+
+    /// Bytes of its own, stores shared with checkpoints apart.
+    pub fn footprint(&self) -> usize {
+        size_of::<Self>()
+            + self.routes.footprint()
+            + self.timers.footprint()
+            + self.channels.footprint()
+            + self.nodes.iter().map(Node::footprint).sum::<usize>()
+    }
+
+    /// Bytes of the nodes' stores.
+    pub fn store_footprint(&self) -> usize {
+        self.nodes.iter().map(|node| node.store().footprint()).sum()
+    }
+
+    /// The node with this node-ID, made if new.
+    #[inline]
+    pub(super) fn node_mut(&mut self, id: u8) -> Option<&mut Node> {
+        let place = match *self.node_by_id.get(usize::from(id))? {
+            0 => self.add_node(id)?,
+            place => place,
+        };
+        self.nodes.get_mut(usize::from(place) - 1)
+    }
+
+    /// Makes a node; gives its place + 1.
+    #[cold]
+    fn add_node(&mut self, id: u8) -> Option<u8> {
+        let place = u8::try_from(self.nodes.len() + 1).ok()?;
+        let named = self.options.node_names.iter().find(|(named, _)| *named == id);
+        let name = named.map(|(_, name)| name.as_str());
+        let name = name.or_else(|| self.options.bus_file.name(&self.name, id));
+        self.nodes.push(Node::new(id, name.map(Into::into)));
+        *self.node_by_id.get_mut(usize::from(id))? = place;
+        Some(place)
+    }
+
+    /// Gives a node another node-ID; the node that had it loses it. What was learnt of its identifiers
+    /// stays with it, the defaults follow the node-ID.
+    pub(super) fn move_node(&mut self, from: u8, to: u8) {
+        let place = |bus: &Self, id: u8| bus.node_by_id.get(usize::from(id)).copied().unwrap_or(0);
+        let (moved, replaced) = (place(self, from), place(self, to));
+        for (place, id) in [(moved, to), (replaced, from)] {
+            if let Some(node) = usize::from(place).checked_sub(1).and_then(|place| self.nodes.get_mut(place))
+            {
+                node.id = id;
+            }
+            if let Some(slot) = self.node_by_id.get_mut(usize::from(id)) {
+                *slot = place;
+            }
+        }
+        // The place of the node that was replaced is empty now, under the node-ID that became free.
+        if let Some(node) = usize::from(replaced).checked_sub(1).and_then(|place| self.nodes.get_mut(place)) {
+            *node = Node::new(from, None);
+        }
+        for (id, service) in self.routes.learnt() {
+            let moved = match service {
+                Service::Pdo(name, node) if node == from => Service::Pdo(name, to),
+                Service::Emcy(node) if node == from => Service::Emcy(to),
+                _ => continue,
+            };
+            self.routes.learn(id, moved);
+        }
+        // Deadlines are queued by node-ID.
+        for id in [from, to] {
+            self.timers.remove(Subject::Heartbeat(id));
+        }
+        let place = usize::from(moved).checked_sub(1);
+        if let Some(heartbeat) =
+            place.and_then(|place| self.nodes.get_mut(place)).map(|node| &mut node.heartbeat)
+        {
+            heartbeat.queued = heartbeat.deadline.is_some();
+            if let Some(deadline) = heartbeat.deadline {
+                self.timers.add(deadline, Subject::Heartbeat(to));
+            }
+        }
+    }
+}
