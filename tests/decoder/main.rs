@@ -18,6 +18,7 @@ mod limits;
 mod malformed;
 mod properties;
 mod replay;
+mod same_events;
 mod sample_events;
 mod schema;
 #[path = "../support/mod.rs"]
