@@ -69,10 +69,8 @@ fn is_remote(frame: &Frame) -> bool {
 }
 
 fn id(frame: &Frame) -> u16 {
-    match frame.id {
-        CanId::Standard(id) => id,
-        CanId::Extended(_) => panic!("the captures have 11-bit identifiers only"),
-    }
+    assert!(matches!(frame.id, CanId::Standard(_)), "these captures have 11-bit identifiers only");
+    u16::try_from(frame.id.number()).unwrap()
 }
 
 fn screen(frames: &[Frame]) -> Vec<u8> {
