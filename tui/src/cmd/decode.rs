@@ -66,6 +66,7 @@ struct Printer {
     selection: Selection,
     pdo: Pdo,
     frames: bool,
+    on_terminal: bool,
 }
 
 enum Sink {
@@ -84,7 +85,9 @@ impl Printer {
             Format::Jsonl => Sink::Jsonl(Jsonl::new(output(arguments)?)),
         };
         let selection = Selection::new(&arguments.select);
-        Ok(Self { sink, selection, pdo, frames: arguments.frames })
+        let prints = arguments.output.is_none() && arguments.format != Format::None;
+        let on_terminal = prints && std::io::stdout().is_terminal();
+        Ok(Self { sink, selection, pdo, frames: arguments.frames, on_terminal })
     }
 
     fn begin_capture(&mut self, name: &str) {
@@ -137,6 +140,10 @@ impl Observer for Printer {
 }
 
 impl Watcher for Printer {
+    fn is_on_terminal(&self) -> bool {
+        self.on_terminal
+    }
+
     fn is_done(&self) -> bool {
         match &self.sink {
             Sink::Text(text) => text.has_failed(),

@@ -83,6 +83,11 @@ trait Watcher: Observer {
         false
     }
 
+    /// Whether it prints to the terminal while events come.
+    fn is_on_terminal(&self) -> bool {
+        false
+    }
+
     /// The first frame of a capture, before any event of it.
     ///
     /// # Errors
@@ -100,6 +105,9 @@ fn decode_capture(
     watcher: &mut dyn Watcher,
 ) -> anyhow::Result<(Decoder, u64)> {
     let mut capture = source::open(path, &read_options(input))?;
+    if watcher.is_on_terminal() {
+        capture.progress.hide();
+    }
     let mut decoder = Decoder::new(options.clone());
     let mut batch = Batch::new();
     let mut frames = 0;

@@ -22,9 +22,13 @@ impl Progress {
     /// Progress through a file of `size` bytes, of which `taken` are read; silent where nobody sees it.
     pub fn new(size: Option<u64>, taken: Arc<AtomicU64>) -> Self {
         let size = size.unwrap_or(0);
-        // With the events themselves on the same terminal the line would only disturb them.
-        let seen = size >= LONG && std::io::stderr().is_terminal() && !std::io::stdout().is_terminal();
+        let seen = size >= LONG && std::io::stderr().is_terminal();
         Self { size, taken, next: if seen { STEP } else { u64::MAX }, shown: false }
+    }
+
+    /// Shows nothing: with lines on the same terminal it would only disturb them.
+    pub fn hide(&mut self) {
+        self.next = u64::MAX;
     }
 
     /// Shows the present state now and then.
