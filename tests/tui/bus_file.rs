@@ -41,11 +41,11 @@ fn an_identifier_of_29_bits_becomes_a_pdo_with_values() {
 
 #[test]
 fn a_bit_rate_makes_the_load() {
-    // 100 frames a second of 48 bits each (see bits.rs), 10 ms apart: 4,800 bit/s are 48 % of 10 kbit/s.
+    // 300 frames of 48 bits in 2.99 s: 4,816 bit/s; 100 in a second: 4,800 bits.
     let path = file("rate.toml", "[bus.can0]\nbitrate = 10000\n");
     let lines = (0..300).map(|n| format!("({}.{:02}0000) can0 555#\n", 1_700_000_000 + n / 100, n % 100));
     let output = run(&["stats", "--bus", path.to_str().unwrap(), "-"], &lines.collect::<String>());
-    assert!(output.stdout.contains("load 48 % of 10 kbit/s, worst second 48 %"), "{}", output.stdout);
+    assert!(output.stdout.contains("load 48.1 % of 10 kbit/s, worst second 48.0 %"), "{}", output.stdout);
 }
 
 #[test]

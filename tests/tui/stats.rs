@@ -1,11 +1,13 @@
 //! `cobscope stats`.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::process::Command;
 
 use serde_json::Value;
 
 use crate::cli::run;
-use crate::support;
+use crate::support::{self, workspace};
 
 fn figures(capture: &str) -> Value {
     let output = run(&["stats", "-f", "json", capture], "");
@@ -63,7 +65,7 @@ fn load_needs_a_bit_rate() {
     // 1,000 frames a second of 0x555 without data, 48 bits each: 48 kbit/s are 19 % of 250.
     let lines = every_millisecond(3_000, "555#");
     let text = run(&["stats", "--bitrate", "250k", "-"], &lines).stdout;
-    assert!(text.contains("load 19 % of 250 kbit/s, worst second 19 %"), "{text}");
+    assert!(text.contains("load 19.2 % of 250 kbit/s, worst second 19.2 %"), "{text}");
     assert_eq!(run(&["stats", "--bitrate", "fast", "-"], "").code, 2);
 }
 
@@ -77,4 +79,118 @@ fn a_truck_is_no_canopen_network() {
     assert_eq!(all["frames"], 49_928);
     assert_eq!(all["buses"][0]["canopen"], false);
     assert_eq!(all["buses"][0]["nodes"].as_array().unwrap().len(), 0);
+}
+
+#[test]
+fn the_tables_of_a_guarded_node() {
+    // fixtures/canopen/guarding.log: one boot-up and 17 replies as 701, 20 requests every 500 ms from 0.5 s;
+    // replies 6.502 and 8.502 have three unanswered requests between them. NMT at 2.4 and 9.4 s.
+    // SDO in frames 2 to 5, 1 ms each; the second request 1 ms after the first answer.
+    let text = run(&["stats", "fixtures/canopen/guarding.log"], "").stdout;
+    let tables = text.split_once("master").unwrap().1;
+    let expected = "    NMT start 1
+          NMT stop 1
+          guarding requests 20
+
+ ID/hex  name  NMT      boots  lost  heartbeat ms (min to max)  worst from  EMCY  active
+   1/01        stopped      1     1  –                                         0       0
+   1/01  guarding: 17 of 20 requests answered; every 500.0 ms (500.0 to 500.0, worst from 0.500 s)
+
+ SDO server    ok  aborted  no answer  other   ms p50     p90     p99     max   think ms p50
+  1/01         2        0          0      0    1.000   1.000   1.000   1.000          1.000
+
+ ID     what                      frames  ms min    mean     max  worst from
+ 000    NMT                            2  7000.0  7000.0  7000.0     2.400 s
+ 581    SDO response of 1              2   2.000   2.000   2.000     0.002 s
+ 601    SDO request to 1               2   2.000   2.000   2.000     0.001 s
+ 701    heartbeat, guarding of 1      18   500.0   588.3  2000.0     6.502 s
+ 701 R  heartbeat, guarding of 1      20   500.0   500.0   500.0     0.500 s
+ R: remote frames
+";
+    assert_eq!(tables, expected);
+}
+
+#[test]
+fn what_stopped_is_said() {
+    // Every 100 ms until 1.0 s; node 6 goes on until 3.0 s.
+    let line = |n: u32, id: u32| format!("({}.{}00000) can0 {id:03X}#05\n", 1_700_000_000 + n / 10, n % 10);
+    let lines: String =
+        (0..=30).map(|n| if n <= 10 { line(n, 0x705) + &line(n, 0x706) } else { line(n, 0x706) }).collect();
+    let text = run(&["stats", "-"], &lines).stdout;
+    let silent: Vec<&str> = text.lines().filter(|line| line.ends_with("silent since 1.000 s")).collect();
+    assert_eq!(silent.len(), 2, "{text}");
+    assert!(silent[0].contains("5/05") && silent[1].contains("705"), "{text}");
+}
+
+#[test]
+fn pdos_and_active_errors_of_a_node() {
+    // fixtures/canopen/pdo_mapping.expected.txt: TPDO1 as 182, then as 1A5; TPDO2 as 282.
+    let text = run(&["stats", "fixtures/canopen/pdo_mapping.log"], "").stdout;
+    assert!(text.contains("   2/02  PDOs: TPDO1 182, TPDO1 1A5, TPDO2 282\n"), "{text}");
+    // One error raised, none cleared.
+    let raised = "(1700000000.0) can0 705#05\n(1700000000.1) can0 085#3081110000000000\n";
+    let output = run(&["stats", "-f", "json", "-"], raised);
+    let all: Value = serde_json::from_str(&output.stdout).unwrap();
+    let node = &all["buses"][0]["nodes"][0];
+    assert_eq!((&node["emcy_active"], &node["emcy_codes"]["0x8130"]), (&Value::from(1), &Value::from(1)));
+}
+
+/// What tshark counts, by service; `None` if it is not there.
+fn counts_of_tshark(capture: &str) -> Option<BTreeMap<String, u64>> {
+    if Command::new("tshark").arg("-v").output().is_err() {
+        support::skip("tshark", "the program is missing");
+        return None;
+    }
+    let python = support::python().unwrap_or_else(|| "python3".into());
+    if Command::new(&python).arg("--version").output().is_err() {
+        support::skip("python", "the program is missing");
+        return None;
+    }
+    let script = workspace().join("tests/oracles/canopen_counts.py");
+    let output = Command::new(python).arg(script).arg(capture).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8(output.stdout).unwrap();
+    let mut counts = BTreeMap::new();
+    for (name, count) in text.lines().filter_map(|line| line.split_once(' ')) {
+        // It has no memory of transfers, and a boot-up is on the identifier of the heartbeat.
+        let name = match name {
+            _ if name.starts_with("sdo-ccs") => "request",
+            _ if name.starts_with("sdo-scs") => "response",
+            "heartbeat" | "boot-up" => "error-control",
+            "not-canopen" => continue,
+            other => other,
+        };
+        *counts.entry(name.to_owned()).or_default() += count.parse::<u64>().unwrap();
+    }
+    Some(counts)
+}
+
+#[test]
+fn counts_are_those_of_tshark() {
+    let corpus = support::corpus().join("canopen");
+    for name in ["canopen-lens__sample_amr_2wheel.log", "canopen-message-interpreter__pcan2.pcapng"] {
+        let path = corpus.join(name);
+        if !path.exists() {
+            return support::skip("corpus", "no captures of other projects");
+        }
+        let capture = path.to_str().unwrap();
+        let Some(theirs) = counts_of_tshark(capture) else { return };
+        let mut ours = BTreeMap::new();
+        for id in figures(capture)["buses"][0]["ids"].as_array().unwrap() {
+            let what = id["what"].as_str().unwrap().split(' ').take(2).collect::<Vec<_>>();
+            let name = match what.as_slice() {
+                ["SDO", "request"] => "request".to_owned(),
+                ["SDO", "response"] => "response".to_owned(),
+                ["heartbeat,", _] => "error-control".to_owned(),
+                ["NMT" | "SYNC" | "TIME" | "EMCY", ..] => what[0].to_lowercase(),
+                [pdo, "of"] if pdo.contains("PDO") => pdo.to_lowercase(),
+                _ => continue,
+            };
+            // tshark does not take remote frames for CANopen.
+            if id["remote"] == false {
+                *ours.entry(name).or_default() += id["frames"].as_u64().unwrap();
+            }
+        }
+        assert_eq!(ours, theirs, "{name}");
+    }
 }

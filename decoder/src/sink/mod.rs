@@ -2,6 +2,7 @@
 
 mod ascii;
 pub mod jsonl;
+pub mod table;
 pub mod text;
 
 /// `text` with control characters, and those that turn the direction of writing, shown as `\u{1b}`, so that

@@ -2,13 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use super::{Intervals, MOST_IDS, NodeStatistics, frame_bits};
+use super::{Intervals, Load, MOST_IDS, NodeStatistics};
 use crate::event::{Event, EventKind};
 use crate::frame::{CanId, Frame, FrameFlags};
 use crate::wire::canopen::nmt::NmtService;
-
-/// Nanoseconds of the window in which the worst load is looked for.
-const WINDOW: i64 = 1_000_000_000;
 
 /// One identifier.
 #[derive(Debug, Clone, Default)]
@@ -17,22 +14,6 @@ pub struct IdStatistics {
     pub frames: u64,
     /// Time between them.
     pub intervals: Intervals,
-}
-
-/// Frames and bits over time.
-#[derive(Debug, Clone, Default)]
-pub struct Load {
-    /// Frames.
-    pub frames: u64,
-    /// Bits on the wire with stuffing; FD and error frames are not in it.
-    pub bits: u64,
-    window_start: Option<i64>,
-    window_frames: u64,
-    window_bits: u64,
-    /// Most frames in a second, and when it began.
-    pub worst_frames: (u64, i64),
-    /// Most bits in a second, and when it began.
-    pub worst_bits: (u64, i64),
 }
 
 /// What the NMT master does; CAN does not tell who that is.
@@ -55,8 +36,8 @@ pub struct MasterStatistics {
 /// Figures of one bus.
 #[derive(Debug, Clone, Default)]
 pub struct BusStatistics {
-    /// Identifiers that were seen.
-    pub ids: BTreeMap<CanId, IdStatistics>,
+    /// Identifiers that were seen, with remote frames (`true`) apart.
+    pub ids: BTreeMap<(CanId, bool), IdStatistics>,
     /// Frames of identifiers beyond the first 4,096.
     pub other_ids: u64,
     /// Load.
@@ -79,12 +60,13 @@ impl BusStatistics {
         if frame.flags.contains(FrameFlags::ERROR) {
             return;
         }
-        let fits = self.ids.len() < MOST_IDS || self.ids.contains_key(&frame.id);
+        let key = (frame.id, frame.flags.contains(FrameFlags::REMOTE));
+        let fits = self.ids.len() < MOST_IDS || self.ids.contains_key(&key);
         if !fits {
             self.other_ids += 1;
             return;
         }
-        let id = self.ids.entry(frame.id).or_default();
+        let id = self.ids.entry(key).or_default();
         id.frames += 1;
         if let Some(time) = time {
             id.intervals.add(time);
@@ -122,47 +104,9 @@ impl BusStatistics {
     }
 }
 
-impl Load {
-    fn add(&mut self, frame: &Frame, time: Option<i64>) {
-        let bits = u64::from(frame_bits(frame).unwrap_or(0));
-        self.frames += 1;
-        self.bits += bits;
-        let Some(time) = time else { return };
-        let start = *self.window_start.get_or_insert(time);
-        if time.saturating_sub(start) >= WINDOW || time < start {
-            self.window_start = Some(time);
-            self.window_frames = 0;
-            self.window_bits = 0;
-        }
-        self.window_frames += 1;
-        self.window_bits += bits;
-        let start = self.window_start.unwrap_or(time);
-        if self.window_frames > self.worst_frames.0 {
-            self.worst_frames = (self.window_frames, start);
-        }
-        if self.window_bits > self.worst_bits.0 {
-            self.worst_bits = (self.window_bits, start);
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::Timestamp;
-
-    #[test]
-    fn the_worst_second_is_found() {
-        let mut load = Load::default();
-        let mut frame = Frame::data_frame(CanId::standard(0x555), &[]);
-        // Two frames in the first second, three in the next.
-        for milliseconds in [0, 500, 1_200, 1_300, 1_400, 2_500] {
-            frame.time = Some(Timestamp(milliseconds * 1_000_000));
-            load.add(&frame, frame.time.map(|time| time.0));
-        }
-        assert_eq!((load.frames, load.worst_frames), (6, (3, 1_200_000_000)));
-        assert_eq!(load.bits, 6 * 48);
-    }
 
     #[test]
     fn identifiers_beyond_the_limit_are_counted_together() {

@@ -1,10 +1,7 @@
-//! Times between events of one kind: shortest, longest, mean, and the distribution.
+//! Times between events of one kind: shortest, longest, mean.
 
-/// Classes of the histogram for each doubling of the interval: 9 % wide each.
-const CLASSES: usize = 8;
-
-/// Doublings covered: up to 2^40 ns, 18 minutes.
-const DOUBLINGS: usize = 41;
+/// Intervals after which a longer silence than ever says that something stopped.
+const ENOUGH: u64 = 3;
 
 /// Shortest, longest and mean of intervals, and where the longest began.
 #[derive(Debug, Clone, Default)]
@@ -58,80 +55,26 @@ impl Intervals {
         (self.count > 0).then_some((self.longest, self.longest_began))
     }
 
+    /// Largest distance of an interval from the mean, in nanoseconds.
+    pub fn jitter(&self) -> Option<i64> {
+        let mean = self.mean()?;
+        Some(self.longest.saturating_sub(mean).max(mean.saturating_sub(self.shortest)))
+    }
+
+    /// Since when something regular is missing: not seen until `end` for more than twice its longest
+    /// interval, which is not above three times the mean.
+    pub fn silent_since(&self, end: Option<i64>) -> Option<i64> {
+        let (last, mean) = (self.last?, self.mean()?);
+        let is_regular = self.count >= ENOUGH && self.longest <= mean.saturating_mul(3);
+        let silence = end?.saturating_sub(last);
+        (is_regular && silence > self.longest.saturating_mul(2)).then_some(last)
+    }
+
     /// Mean in nanoseconds.
     pub fn mean(&self) -> Option<i64> {
         let count = i64::try_from(self.count).ok()?;
         self.sum.checked_div(count)
     }
-}
-
-/// Durations by size, in classes of 9 %, without keeping them.
-#[derive(Debug, Clone)]
-pub struct Distribution {
-    classes: Box<[u32]>,
-    count: u64,
-    longest: i64,
-}
-
-impl Default for Distribution {
-    fn default() -> Self {
-        Self { classes: vec![0; CLASSES * DOUBLINGS].into(), count: 0, longest: 0 }
-    }
-}
-
-impl Distribution {
-    /// Adds a duration in nanoseconds; negative ones count as 0.
-    pub fn add(&mut self, duration: i64) {
-        let duration = duration.max(0);
-        if let Some(class) = self.classes.get_mut(class_of(duration)) {
-            *class = class.saturating_add(1);
-        }
-        self.count += 1;
-        self.longest = self.longest.max(duration);
-    }
-
-    /// The duration that `part` of 100 do not exceed, to 9 %; the longest itself for 100.
-    pub fn percentile(&self, part: u64) -> Option<i64> {
-        if self.count == 0 {
-            return None;
-        }
-        let rank = (self.count * part.min(100)).div_ceil(100).max(1);
-        let mut seen = 0;
-        let class = self.classes.iter().position(|count| {
-            seen += u64::from(*count);
-            seen >= rank
-        })?;
-        Some(upper_end(class).min(self.longest))
-    }
-
-    /// Number of durations.
-    pub fn count(&self) -> u64 {
-        self.count
-    }
-
-    /// The longest in nanoseconds.
-    pub fn longest(&self) -> i64 {
-        self.longest
-    }
-}
-
-fn class_of(duration: i64) -> usize {
-    let value = duration.max(1).unsigned_abs();
-    let doubling = value.ilog2() as usize;
-    // The three bits behind the highest one.
-    let fine = if doubling >= 3 {
-        (value >> (doubling - 3) & 7) as usize
-    } else {
-        (value << (3 - doubling) & 7) as usize
-    };
-    (doubling * CLASSES + fine).min(CLASSES * DOUBLINGS - 1)
-}
-
-fn upper_end(class: usize) -> i64 {
-    let (doubling, fine) = (class / CLASSES, class % CLASSES);
-    let start = 1_i64.checked_shl(u32::try_from(doubling).unwrap_or(0)).unwrap_or(i64::MAX);
-    let steps = i64::try_from(fine + 1).unwrap_or(8);
-    start.saturating_add(start.saturating_mul(steps) / 8)
 }
 
 #[cfg(test)]
@@ -153,30 +96,18 @@ mod tests {
     }
 
     #[test]
-    fn percentiles_are_right_to_a_class() {
-        let mut distribution = Distribution::default();
-        for milliseconds in 1..=100 {
-            distribution.add(milliseconds * 1_000_000);
-        }
-        for part in [50_u32, 90, 99] {
-            let exact = i64::from(part) * 1_000_000;
-            let found = distribution.percentile(part.into()).unwrap();
-            assert!(found >= exact && found <= exact + exact / 8, "{part}: {found}");
-        }
-        assert_eq!(distribution.percentile(100), Some(100_000_000));
-        assert_eq!(Distribution::default().percentile(50), None);
-    }
-
-    #[test]
-    fn extremes_do_not_leave_the_table() {
-        let mut distribution = Distribution::default();
-        for duration in [i64::MIN, -1, 0, 1, 2, 7, 8, i64::MAX] {
-            distribution.add(duration);
-        }
-        assert_eq!(distribution.count(), 8);
-        assert_eq!(
-            distribution.percentile(100),
-            Some(i64::MAX).map(|longest| upper_end(CLASSES * DOUBLINGS - 1).min(longest))
-        );
+    fn what_stopped_is_silent_only_if_it_was_regular() {
+        let of = |times: &[i64]| {
+            let mut intervals = Intervals::default();
+            for time in times {
+                intervals.add(*time);
+            }
+            intervals
+        };
+        let regular = of(&[0, 100, 190, 300, 400]);
+        assert_eq!((regular.silent_since(Some(620)), regular.silent_since(Some(621))), (None, Some(400)));
+        assert_eq!(regular.jitter(), Some(10));
+        assert_eq!(of(&[0, 1, 2, 3, 4, 5, 100]).silent_since(Some(10_000)), None);
+        assert_eq!(of(&[0, 100, 200]).silent_since(Some(10_000)), None);
     }
 }

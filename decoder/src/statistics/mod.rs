@@ -2,13 +2,17 @@
 
 mod bits;
 mod bus;
+mod distribution;
 mod intervals;
+mod load;
 mod node;
 mod quality;
 
 pub use bits::frame_bits;
-pub use bus::{BusStatistics, IdStatistics, Load, MasterStatistics};
-pub use intervals::{Distribution, Intervals};
+pub use bus::{BusStatistics, IdStatistics, MasterStatistics};
+pub use distribution::Distribution;
+pub use intervals::Intervals;
+pub use load::Load;
 pub use node::NodeStatistics;
 pub use quality::Quality;
 

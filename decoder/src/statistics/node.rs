@@ -1,7 +1,9 @@
 //! Figures of one node.
 
-use super::{CodeCounts, Distribution, Intervals};
+use super::{CodeCounts, Distribution, Intervals, MOST_CODES};
 use crate::event::{Event, EventKind, Outcome, SdoTransfer};
+use crate::frame::CanId;
+use crate::profile::PdoName;
 
 /// What one node did.
 #[derive(Debug, Clone, Default)]
@@ -28,8 +30,12 @@ pub struct NodeStatistics {
     last_transfer: Option<i64>,
     /// Abort codes of transfers with it.
     pub aborts: CodeCounts,
+    /// Time between guarding requests to it.
+    pub guard_requests: Intervals,
     /// PDOs it sent and received.
     pub pdos: u64,
+    /// Their names and identifiers, the first [`MOST_CODES`].
+    pub pdo_ids: Vec<(PdoName, CanId)>,
 }
 
 /// Transfers by outcome.
@@ -64,7 +70,12 @@ impl NodeStatistics {
                 self.last_heartbeat = None;
                 self.heartbeat.interrupt();
             }
-            EventKind::GuardRequest => self.guarding.0 += 1,
+            EventKind::GuardRequest => {
+                self.guarding.0 += 1;
+                if let Some(time) = time {
+                    self.guard_requests.add(time);
+                }
+            }
             EventKind::GuardReply { .. } => self.guarding.1 += 1,
             EventKind::NodeLost(_) => self.lost += 1,
             EventKind::Emcy(emergency) => {
@@ -72,7 +83,13 @@ impl NodeStatistics {
                     self.emcy.add(u32::from(code));
                 }
             }
-            EventKind::Pdo(_) => self.pdos += 1,
+            EventKind::Pdo(pdo) => {
+                self.pdos += 1;
+                let id = (pdo.name, pdo.cob_id);
+                if !self.pdo_ids.contains(&id) && self.pdo_ids.len() < MOST_CODES {
+                    self.pdo_ids.push(id);
+                }
+            }
             EventKind::SdoTransfer(transfer) => self.transfer(transfer, time),
             _ => {}
         }

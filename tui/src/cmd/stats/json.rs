@@ -39,17 +39,20 @@ pub fn write(report: &Report<'_>, output: &mut String) {
 }
 
 fn bus_record(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics) -> Value {
+    let end = report.statistics.quality.last;
     let load = &statistics.load;
     let master = &statistics.master;
     let commands: serde_json::Map<String, Value> =
         master.commands.iter().map(|(service, count)| (service.name().to_owned(), json!(count))).collect();
     let present = statistics.nodes.iter().filter(|(_, node)| node.is_present());
-    let ids = statistics.ids.iter().map(|(id, figures)| {
+    let ids = statistics.ids.iter().map(|((id, is_remote), figures)| {
         json!({
             "id": id.to_string(),
+            "remote": is_remote,
             "what": bus.describe_id(*id),
             "frames": figures.frames,
             "period_ms": intervals(&figures.intervals),
+            "silent_since": figures.intervals.silent_since(end).map(seconds),
         })
     });
     json!({
@@ -66,12 +69,12 @@ fn bus_record(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics) -> Val
         "sync": {"count": master.syncs, "counter_gaps": master.sync_gaps, "period_ms": intervals(&master.sync)},
         "time": master.times,
         "guard_requests": master.guard_requests,
-        "nodes": present.map(|(id, node)| node_record(bus, *id, node)).collect::<Vec<_>>(),
+        "nodes": present.map(|(id, node)| node_record(bus, *id, node, end)).collect::<Vec<_>>(),
         "ids": ids.collect::<Vec<_>>(),
     })
 }
 
-fn node_record(bus: &Bus, id: u8, node: &NodeStatistics) -> Value {
+fn node_record(bus: &Bus, id: u8, node: &NodeStatistics, end: Option<i64>) -> Value {
     let known = bus.node(id);
     let nmt = known.and_then(Node::nmt);
     json!({
@@ -82,6 +85,9 @@ fn node_record(bus: &Bus, id: u8, node: &NodeStatistics) -> Value {
         "boots": node.boots,
         "lost": node.lost,
         "heartbeat_ms": intervals(&node.heartbeat),
+        "heartbeat_median_ms": node.heartbeat_distribution.percentile(50).map(millis),
+        "silent_since": node.heartbeat.silent_since(end).map(seconds),
+        "guard_period_ms": intervals(&node.guard_requests),
         "guard_requests": node.guarding.0,
         "guard_replies": node.guarding.1,
         "sdo": {
@@ -94,7 +100,9 @@ fn node_record(bus: &Bus, id: u8, node: &NodeStatistics) -> Value {
             "abort_codes": codes(&node.aborts, 8),
         },
         "emcy_codes": codes(&node.emcy, 4),
+        "emcy_active": known.map_or(0, |node| node.active_errors().len()),
         "pdos": node.pdos,
+        "pdo_ids": node.pdo_ids.iter().map(|(name, id)| [name.to_string(), id.to_string()]).collect::<Vec<_>>(),
     })
 }
 

@@ -6,6 +6,7 @@ use cobscope_decoder::event::Certainty;
 use cobscope_decoder::profile;
 use cobscope_decoder::session::{Bus, Node};
 use cobscope_decoder::sink::escape;
+use cobscope_decoder::sink::table::{Align, Table};
 use cobscope_decoder::statistics::{BusStatistics, Distribution, Intervals, NodeStatistics};
 
 use super::Report;
@@ -20,10 +21,11 @@ pub fn write(report: &Report<'_>, output: &mut String) {
         let _ = writeln!(text);
         load(report, bus, statistics, start, &mut text);
         master(statistics, start, &mut text);
-        nodes(bus, statistics, start, &mut text);
+        let end = report.statistics.quality.last;
+        nodes(bus, statistics, end, start, &mut text);
         sdo(statistics, &mut text);
         codes(statistics, &mut text);
-        ids(bus, statistics, start, &mut text);
+        ids(bus, statistics, end, start, &mut text);
     }
     for line in text.lines() {
         output.push_str(&escape(line.trim_end()));
@@ -85,19 +87,22 @@ fn load(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics, start: i64, 
     let _ = write!(text, "          {} frames", load.frames);
     let duration = report.statistics.quality.duration().filter(|duration| *duration > 0);
     if let Some(duration) = duration {
-        let per_second = |count: u64| u128::from(count) * 1_000_000_000 / u128::from(duration.unsigned_abs());
-        let _ = write!(text, ", {}/s, {} kbit/s", per_second(load.frames), per_second(load.bits) / 1000);
+        let per_second = |count: u64, times: u128| {
+            u128::from(count) * times * 1_000_000_000 / u128::from(duration.unsigned_abs())
+        };
+        let (frames, mean) = (per_second(load.frames, 10), per_second(load.bits, 1));
+        let _ = write!(text, ", {}/s, {}/s", tenths(frames), bits(mean));
         let (frames, at) = load.worst_frames;
         let _ = write!(
             text,
-            "; worst second {frames} frames, {} kbit from {} s",
-            load.worst_bits.0 / 1000,
+            "; worst second {frames} frames, {} from {} s",
+            bits(u128::from(load.worst_bits.0)),
             since(at, start)
         );
         match report.bit_rate(bus) {
             Some(rate) => {
-                let percent = |bits: u128| bits * 100 / u128::from(rate);
-                let mean = percent(per_second(load.bits));
+                let percent = |bits: u128| tenths(bits * 1000 / u128::from(rate.max(1)));
+                let mean = percent(mean);
                 let worst = percent(u128::from(load.worst_bits.0));
                 let _ = write!(
                     text,
@@ -127,7 +132,9 @@ fn master(statistics: &BusStatistics, start: i64, text: &mut String) {
     if master.syncs > 0 {
         let gaps =
             if master.sync_gaps > 0 { format!(", {} counter gaps", master.sync_gaps) } else { String::new() };
-        parts.push(format!("SYNC {}{}{gaps}", master.syncs, period(&master.sync, start)));
+        let jitter =
+            master.sync.jitter().map_or(String::new(), |jitter| format!(", jitter ±{} ms", millis(jitter)));
+        parts.push(format!("SYNC {}{}{jitter}{gaps}", master.syncs, period(&master.sync, start)));
     }
     if master.times > 0 {
         parts.push(format!("TIME {}", master.times));
@@ -151,45 +158,79 @@ fn period(intervals: &Intervals, start: i64) -> String {
     format!(" every {mean} ms ({shortest} to {longest}, worst from {} s)", since(began, start))
 }
 
-fn nodes(bus: &Bus, statistics: &BusStatistics, start: i64, text: &mut String) {
-    let present: Vec<_> = statistics.nodes.iter().filter(|(_, node)| node.is_present()).collect();
-    if present.is_empty() {
-        return;
-    }
-    let _ = writeln!(
-        text,
-        "\n ID/hex  name          NMT               boots lost  heartbeat ms min/median/max  worst from  guarding"
-    );
-    for (id, node) in present {
+fn nodes(bus: &Bus, statistics: &BusStatistics, end: Option<i64>, start: i64, text: &mut String) {
+    let mut table = Table::new(&[
+        ("ID/hex", Align::Right),
+        ("name", Align::Left),
+        ("NMT", Align::Left),
+        ("boots", Align::Right),
+        ("lost", Align::Right),
+        ("heartbeat ms (min to max)", Align::Left),
+        ("worst from", Align::Right),
+        ("EMCY", Align::Right),
+        ("active", Align::Right),
+        ("", Align::Left),
+    ]);
+    let present = || statistics.nodes.iter().filter(|(_, node)| node.is_present());
+    for (id, node) in present() {
         let known = bus.node(*id);
-        let name = known.and_then(|node| node.name()).unwrap_or("");
         let state = known.and_then(Node::nmt).map_or("?".to_owned(), |nmt| {
             let mark = if nmt.certainty == Certainty::Confirmed { "" } else { "?" };
             format!("{}{mark}", nmt.state.name())
         });
         let (beat, worst) = heartbeat(node, start);
-        let guarding = match node.guarding {
-            (0, 0) => String::new(),
-            (requests, replies) => format!("{replies} of {requests}"),
-        };
-        let _ = writeln!(
-            text,
-            "{id:>3}/{id:02X}   {name:<12}  {state:<16}  {:>5} {:>4}  {beat:>27}  {worst:>10}  {guarding}",
-            node.boots, node.lost
-        );
+        let emcy = node.emcy.codes.iter().map(|(_, count)| count).sum::<u64>() + node.emcy.others;
+        table.row([
+            format!("{id}/{id:02X}"),
+            known.and_then(|node| node.name()).unwrap_or("").to_owned(),
+            state,
+            node.boots.to_string(),
+            node.lost.to_string(),
+            beat,
+            worst,
+            emcy.to_string(),
+            known.map_or(0, |node| node.active_errors().len()).to_string(),
+            silent(&node.heartbeat, end, start),
+        ]);
+    }
+    if table.is_empty() {
+        return;
+    }
+    text.push('\n');
+    table.write(1, text);
+    for (id, node) in present() {
+        let mut ids = node.pdo_ids.clone();
+        ids.sort_unstable();
+        let ids: Vec<String> = ids.iter().map(|(name, id)| format!("{name} {id}")).collect();
+        if !ids.is_empty() {
+            let _ = writeln!(text, " {:>6}  PDOs: {}", format!("{id}/{id:02X}"), ids.join(", "));
+        }
+        let (requests, replies) = node.guarding;
+        if requests > 0 {
+            let every = period(&node.guard_requests, start);
+            let _ = writeln!(
+                text,
+                " {:>6}  guarding: {replies} of {requests} requests answered;{every}",
+                format!("{id}/{id:02X}")
+            );
+        }
     }
 }
 
+/// `100.0 (99.4 to 113.0)`: the median, shortest and longest; and when the longest began.
 fn heartbeat(node: &NodeStatistics, start: i64) -> (String, String) {
     let beat = &node.heartbeat;
     let (Some(shortest), Some((longest, began))) = (beat.shortest(), beat.longest()) else {
         return ("–".into(), String::new());
     };
     let median = node.heartbeat_distribution.percentile(50).unwrap_or(0).clamp(shortest, longest);
-    (
-        format!("{}/{}/{}", millis(shortest), millis(median), millis(longest)),
-        format!("{} s", since(began, start)),
-    )
+    let (median, shortest, longest) = (millis(median), millis(shortest), millis(longest));
+    (format!("{median} ({shortest} to {longest})"), format!("{} s", since(began, start)))
+}
+
+/// `silent since 4.900 s`.
+fn silent(intervals: &Intervals, end: Option<i64>, start: i64) -> String {
+    intervals.silent_since(end).map_or(String::new(), |last| format!("silent since {} s", since(last, start)))
 }
 
 fn sdo(statistics: &BusStatistics, text: &mut String) {
@@ -245,30 +286,51 @@ fn codes(statistics: &BusStatistics, text: &mut String) {
     }
 }
 
-fn ids(bus: &Bus, statistics: &BusStatistics, start: i64, text: &mut String) {
-    let _ = writeln!(
-        text,
-        "\n ID        what                          frames   ms min     mean      max  worst from"
-    );
-    for (id, figures) in &statistics.ids {
+fn ids(bus: &Bus, statistics: &BusStatistics, end: Option<i64>, start: i64, text: &mut String) {
+    let mut table = Table::new(&[
+        ("ID", Align::Left),
+        ("what", Align::Left),
+        ("frames", Align::Right),
+        ("ms min", Align::Right),
+        ("mean", Align::Right),
+        ("max", Align::Right),
+        ("worst from", Align::Right),
+        ("", Align::Left),
+    ]);
+    for ((id, is_remote), figures) in &statistics.ids {
         let intervals = &figures.intervals;
-        let (shortest, mean) = (intervals.shortest().map(millis), intervals.mean().map(millis));
         let longest = intervals.longest();
-        let _ = writeln!(
-            text,
-            " {:<8}  {:<26}  {:>8}  {:>7}  {:>7}  {:>7}  {:>8}",
-            id.to_string(),
+        table.row([
+            if *is_remote { format!("{id} R") } else { id.to_string() },
             bus.describe_id(*id),
-            figures.frames,
-            shortest.unwrap_or_default(),
-            mean.unwrap_or_default(),
+            figures.frames.to_string(),
+            intervals.shortest().map(millis).unwrap_or_default(),
+            intervals.mean().map(millis).unwrap_or_default(),
             longest.map_or(String::new(), |(length, _)| millis(length)),
             longest.map_or(String::new(), |(_, began)| format!("{} s", since(began, start))),
-        );
+            silent(intervals, end, start),
+        ]);
+    }
+    if !table.is_empty() {
+        text.push('\n');
+        table.write(1, text);
+    }
+    if statistics.ids.keys().any(|(_, is_remote)| *is_remote) {
+        let _ = writeln!(text, " R: remote frames");
     }
     if statistics.other_ids > 0 {
         let _ = writeln!(text, " further identifiers: {} frames", statistics.other_ids);
     }
+}
+
+/// A count a second, or bits, with one digit while they are few.
+fn tenths(tenths: u128) -> String {
+    if tenths < 1_000 { format!("{}.{}", tenths / 10, tenths % 10) } else { (tenths / 10).to_string() }
+}
+
+/// Bits as `590 bit` or `48 kbit`.
+fn bits(count: u128) -> String {
+    if count < 10_000 { format!("{count} bit") } else { format!("{} kbit", count / 1000) }
 }
 
 /// Milliseconds with three digits, one from 100 on.

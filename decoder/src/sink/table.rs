@@ -1,0 +1,75 @@
+//! Columns of text, as wide as their widest cell.
+
+use super::escape;
+
+/// How the cells of a column stand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Align {
+    /// Texts.
+    Left,
+    /// Numbers.
+    Right,
+}
+
+/// A table that is laid out once all its rows are known.
+#[derive(Debug)]
+pub struct Table {
+    aligns: Vec<Align>,
+    rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    /// A table with one heading a column; an empty column keeps its heading.
+    pub fn new(columns: &[(&str, Align)]) -> Self {
+        let (headings, aligns) = columns.iter().map(|(text, align)| ((*text).to_owned(), *align)).unzip();
+        Self { aligns, rows: vec![headings] }
+    }
+
+    /// Adds a row; control characters in its cells are shown, not sent.
+    pub fn row(&mut self, cells: impl IntoIterator<Item = String>) {
+        self.rows.push(cells.into_iter().map(|cell| escape(&cell).into_owned()).collect());
+    }
+
+    /// Whether only the headings are there.
+    pub fn is_empty(&self) -> bool {
+        self.rows.len() < 2
+    }
+
+    /// Appends the table to `text`, each line behind `indent` blanks.
+    pub fn write(&self, indent: usize, text: &mut String) {
+        let width = |column: usize| {
+            let cells = self.rows.iter().filter_map(|row| row.get(column));
+            cells.map(|cell| cell.chars().count()).max().unwrap_or(0)
+        };
+        let columns: Vec<_> =
+            self.aligns.iter().enumerate().map(|(column, align)| (width(column), *align)).collect();
+        for row in &self.rows {
+            let mut line = " ".repeat(indent);
+            for (cell, (width, align)) in row.iter().zip(&columns) {
+                let blanks = " ".repeat(width.saturating_sub(cell.chars().count()));
+                match align {
+                    Align::Left => line.extend([cell, blanks.as_str()]),
+                    Align::Right => line.extend([blanks.as_str(), cell]),
+                }
+                line.push_str("  ");
+            }
+            text.push_str(line.trim_end());
+            text.push('\n');
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_align_and_control_characters_are_shown() {
+        let mut table = Table::new(&[("Name", Align::Left), ("ms", Align::Right)]);
+        table.row(["größe".into(), "1.5".into()]);
+        table.row(["a\u{1b}".into(), "100.0".into()]);
+        let mut text = String::new();
+        table.write(2, &mut text);
+        assert_eq!(text, "  Name        ms\n  größe      1.5\n  a\\u{1b}  100.0\n");
+    }
+}

@@ -1,0 +1,136 @@
+//! Durations of which percentiles are wanted, in bounded memory.
+
+/// Values kept one by one; from then on they are counted in classes.
+const EXACT: usize = 1_024;
+
+/// Classes an octave: a percentile is off by at most one part in 64.
+const STEPS: u32 = 32;
+
+/// Classes for all of 0..=`i64::MAX`.
+const CLASSES: usize = 59 * STEPS as usize;
+
+/// Durations in nanoseconds.
+#[derive(Debug, Clone, Default)]
+pub struct Distribution {
+    count: u64,
+    min: i64,
+    max: i64,
+    exact: Vec<i64>,
+    classes: Vec<u64>,
+}
+
+impl Distribution {
+    /// Adds a duration; below zero counts as zero.
+    pub fn add(&mut self, value: i64) {
+        let value = value.max(0);
+        self.min = if self.count == 0 { value } else { self.min.min(value) };
+        self.max = self.max.max(value);
+        self.count += 1;
+        if self.classes.is_empty() && self.exact.len() < EXACT {
+            self.exact.push(value);
+            return;
+        }
+        if self.classes.is_empty() {
+            self.classes = vec![0; CLASSES];
+            for value in std::mem::take(&mut self.exact) {
+                count(&mut self.classes, value);
+            }
+        }
+        count(&mut self.classes, value);
+    }
+
+    /// Number of durations.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// The longest in nanoseconds; 0 where there is none.
+    pub fn longest(&self) -> i64 {
+        self.max
+    }
+
+    /// The smallest value that `percent` of all do not exceed.
+    pub fn percentile(&self, percent: u64) -> Option<i64> {
+        if self.count == 0 {
+            return None;
+        }
+        let rank = (u128::from(self.count) * u128::from(percent.min(100))).div_ceil(100).max(1);
+        if rank >= u128::from(self.count) {
+            return Some(self.max);
+        }
+        if self.classes.is_empty() {
+            let mut sorted = self.exact.clone();
+            sorted.sort_unstable();
+            return sorted.get(usize::try_from(rank).ok()? - 1).copied();
+        }
+        let mut seen = 0_u128;
+        let class = self.classes.iter().position(|count| {
+            seen += u128::from(*count);
+            seen >= rank
+        })?;
+        Some(middle(class).clamp(self.min, self.max))
+    }
+}
+
+fn count(classes: &mut [u64], value: i64) {
+    if let Some(class) = classes.get_mut(class(value.unsigned_abs())) {
+        *class += 1;
+    }
+}
+
+/// Below 32 each value has its own class; above, each octave has 32.
+fn class(value: u64) -> usize {
+    let octave = value.max(1).ilog2();
+    if octave < 5 {
+        return usize::try_from(value).unwrap_or(0);
+    }
+    let step = (value >> (octave - 5)) & 31;
+    usize::try_from(u64::from((octave - 4) * STEPS) + step).unwrap_or(CLASSES - 1)
+}
+
+fn middle(class: usize) -> i64 {
+    let class = i64::try_from(class).unwrap_or(0);
+    let (octave, step) = (class / 32, class % 32);
+    if octave == 0 {
+        return step;
+    }
+    let width = 1_i64 << (octave - 1);
+    (32 + step).saturating_mul(width).saturating_add(width / 2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_values_are_exact() {
+        let mut distribution = Distribution::default();
+        assert_eq!(distribution.percentile(50), None);
+        for value in (1..=10).rev() {
+            distribution.add(value);
+        }
+        let percentiles = [0, 50, 90, 99, 100].map(|percent| distribution.percentile(percent).unwrap());
+        assert_eq!(percentiles, [1, 5, 9, 10, 10]);
+    }
+
+    #[test]
+    fn many_values_are_close_and_bounded() {
+        let mut distribution = Distribution::default();
+        for value in 1..=100_000 {
+            distribution.add(value * 1_000);
+        }
+        let median = distribution.percentile(50).unwrap();
+        assert!((median - 50_000_000).abs() < 50_000_000 / 64, "{median}");
+        assert_eq!((distribution.percentile(100), distribution.count()), (Some(100_000_000), 100_000));
+        assert!(distribution.exact.is_empty());
+    }
+
+    #[test]
+    fn every_duration_has_a_class() {
+        for value in [0, 1, 31, 32, 33, 63, 64, 1_000_000, i64::MAX] {
+            let middle = middle(class(value.unsigned_abs()));
+            assert!(class(value.unsigned_abs()) < CLASSES);
+            assert!((middle - value).abs() <= value / 64 + 1, "{value} {middle}");
+        }
+    }
+}

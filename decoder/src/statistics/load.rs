@@ -1,0 +1,112 @@
+//! Frames and bits on the bus: in all, and in the worst second.
+
+use super::frame_bits;
+use crate::frame::Frame;
+
+/// The worst second is looked for in steps of this many nanoseconds, ten of which are a second.
+const PART: i64 = 100_000_000;
+const PARTS: i64 = 10;
+
+/// Frames and bits over time.
+#[derive(Debug, Clone, Default)]
+pub struct Load {
+    /// Frames.
+    pub frames: u64,
+    /// Bits on the wire with stuffing; FD and error frames are not in it.
+    pub bits: u64,
+    /// Most frames in a second, and when it began.
+    pub worst_frames: (u64, i64),
+    /// Most bits in a second, and when it began.
+    pub worst_bits: (u64, i64),
+    parts: [(u64, u64); 10],
+    window: (u64, u64),
+    /// Number of the present part of a second.
+    part: i64,
+    first: i64,
+    last: Option<i64>,
+    /// Added to stamps where the clock was set back, so that frames do not pile up in one second.
+    offset: i64,
+}
+
+impl Load {
+    /// Takes a frame and its time.
+    pub(super) fn add(&mut self, frame: &Frame, time: Option<i64>) {
+        let bits = u64::from(frame_bits(frame).unwrap_or(0));
+        self.frames += 1;
+        self.bits += bits;
+        let Some(time) = time else { return };
+        self.move_to(time);
+        if let Some(part) = self.parts.get_mut(place(self.part)) {
+            *part = (part.0 + 1, part.1 + bits);
+        }
+        self.window = (self.window.0 + 1, self.window.1 + bits);
+        let began = (self.part - PARTS + 1).saturating_mul(PART).saturating_sub(self.offset).max(self.first);
+        if self.window.0 > self.worst_frames.0 {
+            self.worst_frames = (self.window.0, began);
+        }
+        if self.window.1 > self.worst_bits.0 {
+            self.worst_bits = (self.window.1, began);
+        }
+    }
+
+    /// Drops the parts that are more than a second old at `time`.
+    fn move_to(&mut self, time: i64) {
+        let Some(last) = self.last else {
+            (self.last, self.first, self.part) = (Some(time), time, time.div_euclid(PART));
+            return;
+        };
+        let mut now = time.saturating_add(self.offset);
+        if now < last {
+            self.offset = last.saturating_sub(time);
+            self.first = self.first.min(time);
+            now = last;
+        }
+        self.last = Some(now);
+        let part = now.div_euclid(PART);
+        for step in 1..=part.saturating_sub(self.part).clamp(0, PARTS) {
+            if let Some(old) = self.parts.get_mut(place(self.part.saturating_add(step))) {
+                self.window = (self.window.0.saturating_sub(old.0), self.window.1.saturating_sub(old.1));
+                *old = (0, 0);
+            }
+        }
+        self.part = part;
+    }
+}
+
+fn place(part: i64) -> usize {
+    usize::try_from(part.rem_euclid(PARTS)).unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::CanId;
+
+    /// Load of frames of 48 bits at these milliseconds.
+    fn load(milliseconds: impl Iterator<Item = i64>) -> Load {
+        let mut load = Load::default();
+        let frame = Frame::data_frame(CanId::standard(0x555), &[]);
+        for time in milliseconds {
+            load.add(&frame, Some(time * 1_000_000));
+        }
+        load
+    }
+
+    #[test]
+    fn the_worst_second_may_begin_anywhere() {
+        // Four frames from 0.5 to 1.4 s.
+        let found = load([0, 500, 1_200, 1_300, 1_400, 2_500].into_iter());
+        assert_eq!((found.frames, found.bits), (6, 6 * 48));
+        assert_eq!(found.worst_frames, (4, 500_000_000));
+        assert_eq!(found.worst_bits, (4 * 48, 500_000_000));
+        // A second does not begin before the first frame.
+        assert_eq!(load([7_350, 7_360].into_iter()).worst_frames, (2, 7_350_000_000));
+    }
+
+    #[test]
+    fn a_clock_set_back_does_not_pile_frames_up() {
+        let steady = (0..50).chain(0..50).map(|second| second * 1_000);
+        assert_eq!(load(steady).worst_frames.0, 2);
+        assert_eq!(load([i64::MIN / 1_000_000, i64::MAX / 1_000_000].into_iter()).frames, 2);
+    }
+}
