@@ -32,6 +32,8 @@ pub struct Bus {
     pub(super) sync: SyncState,
     pub(super) lss: LssState,
     pub(super) said: Said,
+    /// Frame of the last reset of all nodes: it also means those that were not heard yet.
+    pub(super) reset_all: Option<u64>,
     /// Last boot-up that nobody commanded: monotonic time and node-ID.
     pub(super) last_boot: Option<(i64, u8)>,
     /// Monotonic time at which the last silence of the bus ended.
@@ -69,6 +71,7 @@ impl Bus {
             sync: SyncState::default(),
             lss: LssState::default(),
             said: Said::default(),
+            reset_all: None,
             last_boot: None,
             silent_until: None,
             undecoded: (0, 0),

@@ -41,7 +41,11 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
         if several {
             printer.begin_capture(&path.display().to_string());
         }
-        if let Err(error) = decode_capture(path, &arguments.input, &options, &mut printer) {
+        let failure = match decode_capture(path, &arguments.input, &options, &mut printer) {
+            Ok(decoded) => decoded.failure,
+            Err(error) => Some(error),
+        };
+        if let Some(error) = failure {
             // What was decoded stands before what went wrong.
             let _ = printer.flush();
             complain(&error);

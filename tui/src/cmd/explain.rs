@@ -35,7 +35,9 @@ pub fn run(thing: &str) -> Exit {
 
 /// The readings of something without `#`.
 fn code(thing: &str) -> Vec<String> {
-    if let Some(address) = object_address(thing) {
+    if let Ok(address) = thing.parse::<ObjectAddress>()
+        && (thing.contains(':') || thing.contains("sub"))
+    {
         return vec![object(address)];
     }
     let digits = thing.strip_prefix("0x").or_else(|| thing.strip_prefix("0X")).unwrap_or(thing);
@@ -68,16 +70,6 @@ fn four_digits(number: u16) -> Vec<String> {
         readings.push(identifier(number));
     }
     readings
-}
-
-/// `1018:01`, `0x1018:01`, `1018h:01h`, `1018sub1`: index and sub-index in hexadecimal.
-pub fn object_address(text: &str) -> Option<ObjectAddress> {
-    let (index, sub) = text.split_once(':').or_else(|| text.split_once("sub"))?;
-    let number = |text: &str| {
-        let text = text.strip_prefix("0x").unwrap_or(text);
-        u16::from_str_radix(text.strip_suffix('h').unwrap_or(text), 16).ok()
-    };
-    Some(ObjectAddress::new(number(index)?, u8::try_from(number(sub)?).ok()?))
 }
 
 fn abort_code(code: u32) -> String {

@@ -76,7 +76,7 @@ fn bus_file(path: &Path) -> anyhow::Result<BusFile> {
     BusFile::parse(&text).map_err(|error| anyhow::anyhow!(error.show(&name)))
 }
 
-/// Something that looks at events and can have enough.
+/// Something that looks at a capture's events and can have enough.
 trait Watcher: Observer {
     /// Whether further events are in vain.
     fn is_done(&self) -> bool {
@@ -95,61 +95,118 @@ trait Watcher: Observer {
     fn begin(&mut self, _first: &Frame) -> anyhow::Result<()> {
         Ok(())
     }
+
+    /// Whether [`Watcher::frame`] wants each frame.
+    fn wants_frames(&self) -> bool {
+        false
+    }
+
+    /// A frame, before its events; `false` ends the capture before it.
+    fn frame(&mut self, _frame: &Frame) -> bool {
+        true
+    }
 }
 
-/// Decodes one capture into `watcher`; gives the decoder as it is at the end and the number of frames.
+/// A capture that was decoded as far as it could be read.
+struct Decoded {
+    /// The decoder behind the last frame.
+    decoder: Decoder,
+    /// Title of the capture's format.
+    format: &'static str,
+    /// Why reading ended early, if it did.
+    failure: Option<anyhow::Error>,
+}
+
+/// Decodes one capture into `watcher`.
+///
+/// # Errors
+/// When the capture cannot be opened or recognised, or holds no frame.
 fn decode_capture(
     path: &Path,
     input: &InputArgs,
     options: &SessionOptions,
     watcher: &mut dyn Watcher,
-) -> anyhow::Result<(Decoder, u64)> {
+) -> anyhow::Result<Decoded> {
+    let name = || path.display().to_string();
     let mut capture = source::open(path, &read_options(input))?;
     if watcher.is_on_terminal() {
         capture.progress.hide();
     }
     let mut decoder = Decoder::new(options.clone());
     let mut batch = Batch::new();
-    let mut frames = 0;
+    let mut has_frames = false;
     let mut failure = None;
     while !watcher.is_done() {
         match capture.reader.read(&mut batch) {
             Ok(true) => {}
             Ok(false) => break,
             Err(error) => {
-                failure = Some(anyhow::Error::from(error).context(path.display().to_string()));
+                failure = Some(anyhow::Error::from(error).context(name()));
                 break;
             }
         }
-        if frames == 0
-            && let Some(first) = batch.frames().first()
-        {
-            watcher.begin(first).with_context(|| path.display().to_string())?;
+        if let Some(first) = batch.frames().first().filter(|_| !has_frames) {
+            watcher.begin(first).with_context(name)?;
+            has_frames = true;
         }
-        frames += batch.frames().len() as u64;
-        push_batch(&mut decoder, &batch, capture.reader.buses(), watcher);
+        if !push_batch(&mut decoder, &batch, capture.reader.buses(), watcher) {
+            break;
+        }
         capture.progress.tick();
     }
     capture.progress.finish();
     decoder.finish(capture.reader.buses(), watcher);
-    if let Some(failure) = failure {
-        return Err(failure);
+    match failure {
+        Some(failure) if !has_frames => Err(failure),
+        None if !has_frames => anyhow::bail!("{}: holds no frame", path.display()),
+        failure => Ok(Decoded { decoder, format: capture.reader.format().title, failure }),
     }
-    anyhow::ensure!(frames > 0, "{}: holds no frame", path.display());
-    Ok((decoder, frames))
 }
 
-fn push_batch(decoder: &mut Decoder, batch: &Batch, names: &BusNames, watcher: &mut dyn Watcher) {
-    if batch.notices().is_empty() {
+/// Passes a batch on; `false` when the watcher ends the capture within it.
+fn push_batch(decoder: &mut Decoder, batch: &Batch, names: &BusNames, watcher: &mut dyn Watcher) -> bool {
+    let wants_frames = watcher.wants_frames();
+    if batch.notices().is_empty() && !wants_frames {
         for frame in batch.frames() {
             decoder.push(frame, names, watcher);
         }
-        return;
+        return true;
     }
     for item in batch.items() {
         match item {
-            Item::Frame(frame) => decoder.push(frame, names, watcher),
+            Item::Frame(frame) => {
+                if wants_frames && !watcher.frame(frame) {
+                    return false;
+                }
+                decoder.push(frame, names, watcher);
+            }
             Item::Notice(notice) => decoder.notice(notice, names, watcher),
         }
     }
+    true
+}
+
+/// Makes a report of each capture and prints them all; what could be read of a broken one counts too.
+fn report(
+    input: &InputArgs,
+    mut one: impl FnMut(&Path, &SessionOptions, &mut String) -> anyhow::Result<Option<anyhow::Error>>,
+) -> Exit {
+    let options = match session_options(input) {
+        Ok(options) => options,
+        Err(error) => {
+            complain(&error);
+            return Exit::Profile;
+        }
+    };
+    let mut exit = Exit::Clean;
+    let mut output = String::new();
+    for path in captures(input) {
+        if let Some(error) = one(&path, &options, &mut output).unwrap_or_else(Some) {
+            complain(&error);
+            exit = exit.max(Exit::Capture);
+        }
+    }
+    // A closed pipe is no failure.
+    let _ = std::io::stdout().write_all(output.as_bytes());
+    exit
 }

@@ -1,94 +1,62 @@
 //! `cobscope objects`: what is known of a node's objects, and from where.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
-use std::path::Path;
 
-use cobscope_decoder::capture::{Batch, Item};
-use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::Event;
-use cobscope_decoder::frame::Timestamp;
+use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::profile::{self, Value};
-use cobscope_decoder::session::{Bus, Entry, Node, SessionOptions};
+use cobscope_decoder::session::{Bus, Entry, Node, Observer};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::canopen::ObjectAddress;
 use serde_json::json;
 
-use super::{captures, complain, read_options, session_options};
+use super::{Watcher, decode_capture, report};
 use crate::cli::{ObjectsArgs, ReportFormat};
 use crate::exit_code::Exit;
 use crate::select::Bound;
-use crate::source;
 
 /// Runs the command.
 pub fn run(arguments: &ObjectsArgs) -> Exit {
-    let options = match session_options(&arguments.input) {
-        Ok(options) => options,
-        Err(error) => {
-            complain(&error);
-            return Exit::Profile;
-        }
-    };
-    let mut exit = Exit::Clean;
-    let mut output = String::new();
-    let captures = captures(&arguments.input);
-    for path in &captures {
+    let several = arguments.input.captures.len() > 1;
+    report(&arguments.input, |path, options, output| {
+        let mut until = Until { at: arguments.at, first: None };
+        let decoded = decode_capture(path, &arguments.input, options, &mut until)?;
         let name = path.display().to_string();
-        match decode_until(path, arguments, &options) {
-            Ok((decoder, first)) => {
-                if captures.len() > 1 && arguments.format == ReportFormat::Text {
-                    let _ = writeln!(output, "== {}", escape(&name));
-                }
-                for bus in decoder.buses() {
-                    tell(bus, arguments, first, &name, &mut output);
-                }
-            }
-            Err(error) => {
-                complain(&error);
-                exit = exit.max(Exit::Capture);
-            }
+        if several && arguments.format == ReportFormat::Text {
+            let _ = writeln!(output, "== {}", escape(&name));
         }
-    }
-    // A closed pipe is no failure.
-    let _ = std::io::stdout().write_all(output.as_bytes());
-    exit
+        for bus in decoded.decoder.buses() {
+            tell(bus, arguments, until.first, &name, output);
+        }
+        Ok(decoded.failure)
+    })
 }
 
-/// Decodes a capture up to the moment asked for; gives the decoder as it is then and the first time.
-fn decode_until(
-    path: &Path,
-    arguments: &ObjectsArgs,
-    options: &SessionOptions,
-) -> anyhow::Result<(Decoder, Option<Timestamp>)> {
-    let mut capture = source::open(path, &read_options(&arguments.input))?;
-    let mut decoder = Decoder::new(options.clone());
-    let mut batch = Batch::new();
-    let mut first = None;
-    let mut ignore = |_: &Event, _: &Bus| ();
-    'reading: while capture.reader.read(&mut batch)? {
-        for item in batch.items() {
-            match item {
-                Item::Frame(frame) => {
-                    let first = *first.get_or_insert(frame.time);
-                    if arguments.at.is_some_and(|at| at.is_before(frame, first)) {
-                        break 'reading;
-                    }
-                    decoder.push(frame, capture.reader.buses(), &mut ignore);
-                }
-                Item::Notice(notice) => decoder.notice(notice, capture.reader.buses(), &mut ignore),
-            }
-        }
-        capture.progress.tick();
+/// Ends a capture at the moment asked for.
+struct Until {
+    at: Option<Bound>,
+    first: Option<Timestamp>,
+}
+
+impl Observer for Until {
+    fn event(&mut self, _: &Event, _: &Bus) {}
+}
+
+impl Watcher for Until {
+    fn begin(&mut self, first: &Frame) -> anyhow::Result<()> {
+        self.first = first.time;
+        let wants_time = matches!(self.at, Some(Bound::Offset(_) | Bound::Moment(_)));
+        anyhow::ensure!(first.time.is_some() || !wants_time, "has no times; give a frame as --at #1234");
+        Ok(())
     }
-    capture.progress.finish();
-    let Some(first) = first else { anyhow::bail!("{}: holds no frame", path.display()) };
-    let wants_time = matches!(arguments.at, Some(Bound::Offset(_) | Bound::Moment(_)));
-    anyhow::ensure!(
-        first.is_some() || !wants_time,
-        "{}: has no times; give a frame as --at #1234",
-        path.display()
-    );
-    Ok((decoder, first))
+
+    fn wants_frames(&self) -> bool {
+        self.at.is_some()
+    }
+
+    fn frame(&mut self, frame: &Frame) -> bool {
+        !self.at.is_some_and(|at| at.is_before(frame, self.first))
+    }
 }
 
 /// Tells what is asked for of one bus.

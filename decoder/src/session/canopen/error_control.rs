@@ -61,10 +61,13 @@ impl Bus {
 
     fn on_boot_up(&mut self, id: u8, frame: &Frame, out: &mut dyn Observer) {
         self.take_node_id(id, frame, out);
+        // A reset of all also means a node of which nothing was heard since.
+        let before = self.node(id).map_or(0, |node| node.last_frame);
+        let reset_of_all = self.reset_all.filter(|reset| *reset > before);
         self.heard(id, frame, out);
         let sign = self.power_sign(id);
         let Some(node) = self.node_mut(id) else { return };
-        let cause = match node.reset_frame.take() {
+        let cause = match node.reset_frame.take().or(reset_of_all) {
             Some(reset) => BootCause::Commanded { frame: reset },
             None => BootCause::PresumedPowerOn { sign },
         };

@@ -51,6 +51,9 @@ impl Bus {
         // A target above 127 addresses nobody.
         self.emit(frame, if command.target <= 127 { command.target } else { 0 }, false, kind, out);
         let Some(to) = to else { return };
+        if command.target == 0 && to == NmtState::Initialising {
+            self.reset_all = Some(frame.number);
+        }
         let targets = if command.target == 0 { 1..=127 } else { command.target..=command.target };
         for id in targets {
             if command.target != 0 || self.node(id).is_some() {
