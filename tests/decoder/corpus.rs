@@ -160,6 +160,9 @@ fn cars_boats_and_trucks_are_no_canopen_networks() {
         "j1939/remora_ctrl_proto__candump-2021-07-21_220402-15-seconds-engine-on-big-truck.log",
         "uds/scapy__candump_uds_scanner.pcap.gz",
     ] {
+        if !support::is_readable(path) {
+            continue;
+        }
         let Some(tally) = tally(path) else { return };
         assert!(!tally.is_canopen, "{path}: {:?}", tally.counts);
         assert_eq!(tally.sum("sdo"), 0, "{path}: {:?}", tally.counts);

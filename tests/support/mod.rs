@@ -21,6 +21,11 @@ pub fn corpus() -> PathBuf {
     env::var_os("COBSCOPE_CORPUS").map_or_else(beside, PathBuf::from)
 }
 
+/// Whether this build can read a file: one without the feature `gzip` reads no compressed captures.
+pub fn is_readable(name: &str) -> bool {
+    cfg!(feature = "gzip") || !name.to_ascii_lowercase().ends_with(".gz")
+}
+
 /// A Python that has `tests/oracles/requirements.txt`: `COBSCOPE_PYTHON`, else `.venv` of the workspace.
 pub fn python() -> Option<PathBuf> {
     let own = || workspace().join(".venv").join("bin").join("python");

@@ -85,7 +85,7 @@ pub(super) fn parse(line: &[u8]) -> Result<Line<'_>, LineError> {
     };
     match body {
         Ok(body) => Ok(Line::Frame(FrameLine { stamp, is_date, bus, ..body })),
-        Err(LineError::NotCandump) if is_prompt(line) => Ok(Line::Nothing),
+        Err(LineError::NotCandump) if !has_stamp && is_prompt(line) => Ok(Line::Nothing),
         Err(LineError::NotCandump) if has_stamp => {
             Err(LineError::Broken("expected an identifier of 3 or 8 hex digits after the interface"))
         }
