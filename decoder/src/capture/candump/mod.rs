@@ -2,6 +2,7 @@
 
 mod fast;
 mod line;
+mod stamp;
 mod time;
 
 use fast::Cache;
