@@ -61,7 +61,7 @@ impl Bus {
         }
         let finished = self.channels.take(channel, side, message, command, frame, now);
         for transfer in finished.into_iter().flatten() {
-            self.finish_transfer(server, &transfer, frame, out);
+            self.finish_transfer(server, transfer, frame, out);
         }
         if self.channels.take_overflow() {
             let kind = EventKind::Evicted { what: "data of open SDO transfers", count: 1 };
@@ -84,7 +84,7 @@ impl Bus {
                 let Some(server) = self.channels.server(channel) else { return };
                 let mut frame = Frame { number: transfer.frames.last, ..Frame::EMPTY };
                 frame.time = self.clock.stamp_of(deadline);
-                self.finish_transfer(server, &transfer, &frame, out);
+                self.finish_transfer(server, transfer, &frame, out);
             }
         }
     }
@@ -93,16 +93,23 @@ impl Bus {
     pub(in crate::session) fn finish_transfers(&mut self, out: &mut dyn Observer) {
         let frame = Frame { number: self.last_frame, time: self.last_time, ..Frame::EMPTY };
         for (server, transfer) in self.channels.drain() {
-            self.finish_transfer(server, &transfer, &frame, out);
+            self.finish_transfer(server, transfer, &frame, out);
         }
     }
 
     /// Emits a transfer and lets its value take effect. `frame` is the one that ended it.
-    fn finish_transfer(&mut self, server: u8, transfer: &Transfer, frame: &Frame, out: &mut dyn Observer) {
+    fn finish_transfer(
+        &mut self,
+        server: u8,
+        mut transfer: Box<Transfer>,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
         if !self.belief.is_believed() && transfer.cut_start && !transfer.is_answered() {
             return;
         }
-        let mut event = self.event(frame, EventKind::SdoTransfer(Box::new(self.describe(server, transfer))));
+        let described = self.describe(server, &mut transfer);
+        let mut event = self.event(frame, EventKind::SdoTransfer(Box::new(described)));
         event.node = Some(server);
         event.frames = transfer.frames;
         out.event(&event, self);
@@ -118,7 +125,8 @@ impl Bus {
         }
     }
 
-    fn describe(&self, server: u8, transfer: &Transfer) -> SdoTransfer {
+    /// The transfer as an event; its data moves there.
+    fn describe(&self, server: u8, transfer: &mut Transfer) -> SdoTransfer {
         let (request, response) =
             self.channel_ids(transfer.channel).unwrap_or((Frame::EMPTY.id, Frame::EMPTY.id));
         let previous = transfer.object.and_then(|object| self.node(server)?.store().get(object));
@@ -131,7 +139,7 @@ impl Bus {
             object: transfer.object,
             size: transfer.size,
             announced: transfer.announced,
-            data: transfer.data.clone(),
+            data: std::mem::take(&mut transfer.data),
             truncated: transfer.truncated,
             previous: previous.map(|entry| entry.value.clone()),
             duration: transfer.duration(),
