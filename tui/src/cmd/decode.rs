@@ -126,7 +126,7 @@ impl Printer {
 
 impl Observer for Printer {
     fn event(&mut self, event: &Event, bus: &Bus) {
-        if !self.selection.admits(event, bus) {
+        if matches!(self.sink, Sink::None) || !self.selection.admits(event, bus) {
             return;
         }
         match &mut self.sink {
