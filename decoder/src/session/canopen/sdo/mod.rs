@@ -52,10 +52,11 @@ impl Bus {
         }
         let command = frame.data().first().copied().unwrap_or(0);
         if !self.belief.is_believed() {
-            self.belief.saw_unsupported(server, now);
             // Without a sign of CANopen a message without beginning is followed, but not taken for SDO
-            // before the other side joins in.
+            // before the other side joins in. One that begins a transfer may well be a master looking for
+            // nodes that are not there.
             if !message.begins() && !self.channels.is_answered(channel) {
+                self.belief.saw_unsupported(server, now);
                 self.undecoded(frame, None, out);
             }
         }
