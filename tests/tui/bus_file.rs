@@ -72,3 +72,15 @@ fn the_document_s_example_is_a_bus_file() {
     let output = decode("example.toml", example, "(1700000000.0) can0 720#00\n");
     assert!(output.contains("32/20 boom"), "{output}");
 }
+
+#[test]
+fn a_bus_the_capture_does_not_have_is_said() {
+    let path = file("unknown.toml", "[bus.can7]\nbitrate = 250000\n");
+    let output = run(&["decode", "--bus", path.to_str().unwrap()], "(1700000000.0) can0 705#00\n");
+    assert_eq!(output.code, 0);
+    assert!(
+        output.stderr.contains("has no bus can7") && output.stderr.contains("it has can0"),
+        "{}",
+        output.stderr
+    );
+}

@@ -40,6 +40,8 @@ pub const ACTIVE_ERROR_LIMIT: usize = 64;
 pub const EXTENDED_ID_LIMIT: usize = 4096;
 /// Objects of a node in the store.
 pub const OBJECT_LIMIT: usize = 4096;
+/// Bytes of all values of a node in the store: 127 nodes stay within 8 MiB.
+pub const OBJECT_BYTES_LIMIT: usize = 64 * 1024;
 /// Bytes of one object's value in the store.
 pub const OBJECT_VALUE_LIMIT: usize = 1024;
 

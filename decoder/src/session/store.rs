@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use foldhash::fast::FixedState;
 
-use super::{OBJECT_LIMIT, OBJECT_VALUE_LIMIT};
+use super::{OBJECT_BYTES_LIMIT, OBJECT_LIMIT, OBJECT_VALUE_LIMIT};
 use crate::frame::Timestamp;
 use crate::wire::canopen::ObjectAddress;
 
@@ -95,6 +95,10 @@ impl Store {
             return Err(StoreFull);
         }
         let kept = value.get(..OBJECT_VALUE_LIMIT).unwrap_or(value).to_vec();
+        let replaced = self.entries.get(&address).map_or(0, |entry| entry.value.len());
+        if self.bytes.saturating_sub(replaced) + kept.len() > OBJECT_BYTES_LIMIT {
+            return Err(StoreFull);
+        }
         self.bytes += kept.len();
         let entry = Entry { value: kept, size: value.len() as u64, origin, stale: false };
         let before = self.entries.insert(address, entry);
@@ -134,7 +138,7 @@ impl Store {
     }
 }
 
-/// The node has [`OBJECT_LIMIT`] objects already.
+/// The node has [`OBJECT_LIMIT`] objects already, or [`OBJECT_BYTES_LIMIT`] bytes of values.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct StoreFull;
 
@@ -152,6 +156,21 @@ mod tests {
         assert_eq!(store.number(address), Some(1000));
         let before = store.set(address, &[0, 0], ORIGIN).unwrap().unwrap();
         assert_eq!(before.value, [0xE8, 3]);
+    }
+
+    #[test]
+    fn the_bytes_of_all_values_are_bounded() {
+        let mut store = Store::default();
+        let set =
+            |store: &mut Store, index, value: &[u8]| store.set(ObjectAddress::new(index, 0), value, ORIGIN);
+        for index in 0..64 {
+            set(&mut store, index, &[0; 1024]).unwrap();
+        }
+        assert_eq!(set(&mut store, 64, &[0]), Err(StoreFull));
+        // A value may still take the place of the one before.
+        assert!(set(&mut store, 5, &[1; 1024]).is_ok());
+        assert!(set(&mut store, 5, &[1]).is_ok());
+        assert!(set(&mut store, 64, &[0; 1023]).is_ok());
     }
 
     #[test]

@@ -15,6 +15,7 @@ use cobscope_decoder::capture::{Batch, BusNames, Item, ReadOptions, TimeStyle};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::session::{Observer, ProtocolChoice, SessionOptions};
+use cobscope_decoder::sink::escape;
 
 use crate::cli::{Cli, Command, InputArgs, Protocol, StampStyle};
 use crate::exit_code::Exit;
@@ -156,10 +157,24 @@ fn decode_capture(
     }
     capture.progress.finish();
     decoder.finish(capture.reader.buses(), watcher);
+    warn_of_unknown_buses(path, options, capture.reader.buses());
     match failure {
         Some(failure) if !has_frames => Err(failure),
         None if !has_frames => anyhow::bail!("{}: holds no frame", path.display()),
         failure => Ok(Decoded { decoder, format: capture.reader.format().title, failure }),
+    }
+}
+
+/// A bus file that names a bus the capture does not have is most likely meant for another name.
+fn warn_of_unknown_buses(path: &Path, options: &SessionOptions, names: &BusNames) {
+    let unknown = options.bus_file.buses.iter().filter(|(name, _)| !names.names().contains(name));
+    for (name, _) in unknown {
+        let has = escape(&names.names().join(", ")).into_owned();
+        let (path, name) = (path.display(), escape(name));
+        let _ = writeln!(
+            std::io::stderr(),
+            "cobscope: {path}: has no bus {name}, which the bus file names; it has {has}"
+        );
     }
 }
 
