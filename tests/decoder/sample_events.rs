@@ -217,7 +217,7 @@ fn bus_and_capture() -> Vec<EventKind> {
     let error = Malformed { layer: "sdo", offset: 0, needed: 8, available: 3 };
     vec![
         EventKind::CanError(error_frame::parse(0x2000_0204, &[0, 4, 0, 0, 0, 0, 96, 128])),
-        EventKind::Frame(Box::new(Undecoded { frame, name: Some("dynamic SDO request") })),
+        EventKind::Frame(Undecoded { frame, name: Some("dynamic SDO request") }),
         EventKind::Malformed { error, reason: "too short" },
         EventKind::Evicted { what: "object", count: 1 },
         EventKind::ClockStep { step: -1_000_000 },

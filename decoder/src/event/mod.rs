@@ -103,7 +103,7 @@ pub enum EventKind {
     /// The controller's report of an error.
     CanError(ErrorFrame),
     /// A frame nothing more is known of; `name` where its service is named.
-    Frame(Box<Undecoded>),
+    Frame(Undecoded),
     /// Bytes too few for their service, or a command that does not exist.
     Malformed { error: Malformed, reason: &'static str },
     /// State was given up to keep memory bounded.

@@ -13,7 +13,7 @@ impl Bus {
         let (count, extended) = &mut self.undecoded;
         *count += 1;
         *extended += u64::from(matches!(frame.id, CanId::Extended(_)));
-        let kind = EventKind::Frame(Box::new(Undecoded { frame: *frame, name }));
+        let kind = EventKind::Frame(Undecoded { frame: *frame, name });
         let mut event = self.event(frame, kind);
         event.protocol = Protocol::Can;
         event.presumed = false;

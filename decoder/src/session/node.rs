@@ -157,11 +157,6 @@ impl Node {
         self.lost
     }
 
-    /// Interval expected between heartbeats, in nanoseconds: configured, else learnt.
-    pub fn heartbeat_interval(&self) -> Option<i64> {
-        self.heartbeat.expected()
-    }
-
     /// Its objects.
     pub fn store(&self) -> &Store {
         &self.store

@@ -73,11 +73,6 @@ impl Bus {
             + self.nodes.iter().map(Node::footprint).sum::<usize>()
     }
 
-    /// Bytes of the nodes' stores.
-    pub fn store_footprint(&self) -> usize {
-        self.nodes.iter().map(|node| node.store().footprint()).sum()
-    }
-
     /// The node with this node-ID, made if new.
     #[inline]
     pub(super) fn node_mut(&mut self, id: u8) -> Option<&mut Node> {

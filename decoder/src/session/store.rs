@@ -131,11 +131,6 @@ impl Store {
     pub fn is_empty(&self) -> bool {
         self.entries.is_empty()
     }
-
-    /// Bytes held.
-    pub(super) fn footprint(&self) -> usize {
-        self.bytes + self.entries.capacity() * size_of::<(ObjectAddress, Entry)>()
-    }
 }
 
 /// The node has [`OBJECT_LIMIT`] objects already, or [`OBJECT_BYTES_LIMIT`] bytes of values.
