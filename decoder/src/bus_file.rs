@@ -14,6 +14,8 @@
 mod model;
 mod value;
 
+pub use value::encode;
+
 use crate::frame::CanId;
 use crate::profile::{Owner, TextError};
 use crate::wire::canopen::ObjectAddress;
@@ -31,7 +33,33 @@ pub struct Settings {
     /// What identifiers mean.
     pub owners: Vec<(CanId, Owner)>,
     /// Values of objects by node-ID.
-    pub objects: Vec<(u8, ObjectAddress, Vec<u8>)>,
+    pub objects: Vec<(u8, ObjectAddress, ObjectValue)>,
+    /// Profiles by node-ID.
+    pub devices: Vec<(u8, String)>,
+    /// EDS, DCF or XDD files by node-ID, relative to the bus file.
+    pub device_files: Vec<(u8, String)>,
+    /// What the maker's tool put into areas, by node-ID and name of the area.
+    pub areas: Vec<(u8, String, Vec<AreaEntry>)>,
+    /// Units chosen in the maker's tool, by node-ID.
+    pub units: Vec<(u8, ObjectAddress, String)>,
+}
+
+/// A value of an object.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum ObjectValue {
+    /// As it is sent.
+    Bytes(Vec<u8>),
+    /// A number as wide as the object of the node's profile, which the file does not know.
+    Number(i64),
+}
+
+/// One entry of an area of the maker's tool.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct AreaEntry {
+    /// The object.
+    pub object: ObjectAddress,
+    /// Bytes it takes.
+    pub bytes: u8,
 }
 
 /// A bus file that was understood.
@@ -76,8 +104,45 @@ impl BusFile {
     }
 
     /// Values of objects; of two for one object the last counts.
-    pub fn objects<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = &'a (u8, ObjectAddress, Vec<u8>)> {
+    pub fn objects<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = &'a (u8, ObjectAddress, ObjectValue)> {
         self.of(bus).rev().flat_map(|settings| &settings.objects)
+    }
+
+    /// Units of objects.
+    pub fn units<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = &'a (u8, ObjectAddress, String)> {
+        self.of(bus).rev().flat_map(|settings| &settings.units)
+    }
+
+    /// What fills an area of a node.
+    pub fn area<'a>(&'a self, bus: &'a str, node: u8, area: &'a str) -> Option<&'a [AreaEntry]> {
+        let mut areas = self.of(bus).flat_map(|settings| &settings.areas);
+        areas.find(|(id, name, _)| *id == node && name == area).map(|(_, _, list)| list.as_slice())
+    }
+
+    /// Names of the areas given for a node.
+    pub fn area_names<'a>(&'a self, bus: &'a str, node: u8) -> impl Iterator<Item = &'a str> {
+        let areas = self.of(bus).flat_map(|settings| &settings.areas);
+        areas.filter(move |(id, ..)| *id == node).map(|(_, name, _)| name.as_str())
+    }
+
+    /// Profiles of nodes: bus (all if none), node-ID, profile; what holds everywhere first.
+    pub fn devices(&self) -> impl Iterator<Item = (Option<&str>, u8, &str)> {
+        self.placed(|settings| &settings.devices)
+    }
+
+    /// EDS, DCF and XDD files of nodes, alike.
+    pub fn device_files(&self) -> impl Iterator<Item = (Option<&str>, u8, &str)> {
+        self.placed(|settings| &settings.device_files)
+    }
+
+    fn placed(
+        &self,
+        list: impl Fn(&Settings) -> &Vec<(u8, String)>,
+    ) -> impl Iterator<Item = (Option<&str>, u8, &str)> {
+        let buses = self.buses.iter().map(|(name, settings)| (Some(name.as_str()), settings));
+        std::iter::once((None, &self.everywhere)).chain(buses).flat_map(move |(bus, settings)| {
+            list(settings).iter().map(move |(node, what)| (bus, *node, what.as_str()))
+        })
     }
 }
 
@@ -131,8 +196,33 @@ mod tests {
         assert_eq!(owners[2], (CanId::extended(0x80), Owner::Sync));
         assert_eq!(owners[3], (CanId::standard(0x7E5), Owner::Unclassified));
         let objects: Vec<_> = file.objects("can0").collect();
-        assert_eq!(*objects[0], (5, ObjectAddress::new(0x1A00, 1), vec![0x10, 0, 0x41, 0x60]));
-        assert_eq!(*objects[1], (5, ObjectAddress::new(0x2000, 1), vec![1, 2, 3]));
+        assert_eq!(
+            *objects[0],
+            (5, ObjectAddress::new(0x1A00, 1), ObjectValue::Bytes(vec![0x10, 0, 0x41, 0x60]))
+        );
+        assert_eq!(*objects[1], (5, ObjectAddress::new(0x2000, 1), ObjectValue::Bytes(vec![1, 2, 3])));
+    }
+
+    #[test]
+    fn devices_files_units_and_areas() {
+        let file = BusFile::parse(
+            r#"
+            [node.63]
+            device = "rexroth-vpcd"
+            unit = { "6380:01" = "bar" }
+            tx_area = ["2F10/4", "2C74:00/2"]
+            [bus.can1.node.63]
+            eds = "pump.eds"
+            "#,
+        )
+        .unwrap();
+        assert_eq!(file.devices().collect::<Vec<_>>(), [(None, 63, "rexroth-vpcd")]);
+        assert_eq!(file.device_files().collect::<Vec<_>>(), [(Some("can1"), 63, "pump.eds")]);
+        let area = file.area("can0", 63, "tx_area").unwrap();
+        assert_eq!(area[1], AreaEntry { object: ObjectAddress::new(0x2C74, 0), bytes: 2 });
+        assert_eq!(file.units("can0").next().unwrap().2, "bar");
+        fails("[node.5]\ntx_area = [\"2F10\"]", "2:12: an entry of an area is written 2F10/4");
+        fails("[node.5]\nunit = { \"63\" = \"bar\", \"x\" = \"bar\" }", "an object is written 1018:01");
     }
 
     #[track_caller]
@@ -144,7 +234,7 @@ mod tests {
     #[test]
     fn errors_have_a_place_and_a_caret() {
         let error = BusFile::parse("[node.5]\nnmae = \"pump\"\n").unwrap_err();
-        let expected = "b.toml:2:1: unknown field `nmae`, expected `name` or `object`\n  2 | nmae = \"pump\"\n    | ^^^^";
+        let expected = "b.toml:2:1: unknown field `nmae`, expected one of `name`, `object`, `device`, `eds`, `unit`, `tx_area`, `rx_area`\n  2 | nmae = \"pump\"\n    | ^^^^";
         assert_eq!(error.show("b.toml"), expected);
         let error = BusFile::parse("[[id]]\nid = 0x1A0\nservice = \"tpd1\"\n").unwrap_err();
         let shown = error.show("b.toml");
@@ -174,7 +264,7 @@ mod tests {
         let object = |rest: &str| format!("[[node.5.object]]\nobject = \"1017:00\"\n{rest}");
         let value =
             |rest: &str| BusFile::parse(&object(rest)).map(|file| file.everywhere.objects[0].2.clone());
-        assert_eq!(value("value = 1000"), Ok(vec![0xE8, 3]));
+        assert_eq!(value("value = 1000"), Ok(ObjectValue::Bytes(vec![0xE8, 3])));
         fails(&object("value = 65536"), "3:9: 65536 does not fit UNSIGNED16");
         fails(&object("value = -1"), "does not fit");
         fails(&object(""), "give value or data");

@@ -5,13 +5,17 @@ use std::sync::Arc;
 use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::{
-    Abort, BootCause, Certainty, Crc, Direction, EmcyAction, Emergency, Event, EventKind, FrameRange, Mode,
-    ObjectChange, Outcome, Pdo, PowerSign, Protocol, SdoTransfer, Silence, StateCause, StateChange,
-    Undecoded,
+    Abort, BitsChanged, BootCause, Certainty, Conflict, Crc, DeviceCause, DeviceState, Direction, Effective,
+    EmcyAction, Emergency, Event, EventKind, FrameRange, Mode, ModeChange, NodeIdentified, ObjectChange,
+    Outcome, Path, Pdo, PowerSign, ProcedureEvent, Protocol, Quantity, SdoTransfer, SetPoint, Silence,
+    StateCause, StateChange, Undecoded,
 };
 use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags, MAX_DATA, Timestamp};
-use cobscope_decoder::profile::{DataType, Field, Layout, PdoDirection, PdoName};
-use cobscope_decoder::session::{Bus, SessionOptions};
+use cobscope_decoder::profile::object::{BitName, BitNames, Names};
+use cobscope_decoder::profile::{
+    Catalogue, DataType, Effect, Factor, Field, Layout, Meaning, PdoDirection, PdoName,
+};
+use cobscope_decoder::session::{AssignedBy, Assignment, Bus, SessionOptions};
 use cobscope_decoder::wire::Malformed;
 use cobscope_decoder::wire::canopen::emcy::ByteOrder;
 use cobscope_decoder::wire::canopen::lss::Content;
@@ -19,9 +23,19 @@ use cobscope_decoder::wire::canopen::nmt::NmtService;
 use cobscope_decoder::wire::canopen::{NmtState, ObjectAddress};
 use cobscope_decoder::wire::error_frame;
 
-/// A bus on which node 2, named `ABCD`, was heard.
+/// A device with a text of its own for an abort code.
+const PROFILE: &str = "id = \"acme-pump\"\ntitle = \"PUMP\"\n[[abort]]\ncode = 0x06020000\ntext = \"gone\"\n";
+
+/// A bus on which node 2, named `ABCD`, was heard; it is an `acme-pump`.
 pub fn bus() -> Bus {
-    let options = SessionOptions { node_names: vec![(2, "ABCD".into())], ..SessionOptions::default() };
+    let mut catalogue = Catalogue::default();
+    catalogue.add_text("pump.toml", PROFILE).unwrap();
+    let device = catalogue.device("acme-pump").unwrap();
+    let options = SessionOptions {
+        node_names: vec![(2, "ABCD".into())],
+        assignments: vec![Assignment { bus: None, node: 2, device, by: AssignedBy::Option }],
+        ..SessionOptions::default()
+    };
     let mut decoder = Decoder::new(options);
     let mut frame = Frame::data_frame(CanId::standard(0x702), &[0]);
     frame.number = 1;
@@ -46,7 +60,7 @@ pub fn event(kind: EventKind) -> Event {
 
 /// All samples.
 pub fn all() -> Vec<Event> {
-    let kinds = [nodes(), messages(), transfers(), layer_setting(), bus_and_capture()].concat();
+    let kinds = [nodes(), devices(), messages(), transfers(), layer_setting(), bus_and_capture()].concat();
     kinds.into_iter().map(event).collect()
 }
 
@@ -69,11 +83,14 @@ fn nodes() -> Vec<EventKind> {
     let mut object_change = ObjectChange {
         object: ObjectAddress::new(0x1017, 0),
         from: Some(vec![0xE8, 3]),
-        to: vec![0xF4, 1],
+        to: Some(vec![0xF4, 1]),
         origin: "download",
+        effect: Some(Effect::ResetNode),
+        persists: Some("yes"),
     };
     let known = EventKind::ObjectChange(Box::new(object_change.clone()));
     object_change.from = None;
+    object_change.to = None;
     vec![
         EventKind::NmtCommand {
             service: NmtService::Start,
@@ -84,8 +101,11 @@ fn nodes() -> Vec<EventKind> {
         EventKind::NmtCommand { service: NmtService::Unknown(7), target: 2, from: None, to: None },
         EventKind::NmtState(change),
         EventKind::NmtState(StateChange { from: None, after: None, ..change }),
-        EventKind::BootUp { cause: BootCause::Commanded { frame: 1 } },
-        EventKind::BootUp { cause: BootCause::PresumedPowerOn { sign: Some(PowerSign::BusWasSilent) } },
+        EventKind::BootUp { cause: BootCause::Commanded { frame: 1 }, lost: 2 },
+        EventKind::BootUp {
+            cause: BootCause::PresumedPowerOn { sign: Some(PowerSign::BusWasSilent) },
+            lost: 0,
+        },
         EventKind::Heartbeat { state: Some(NmtState::Stopped), code: 4 },
         EventKind::Heartbeat { state: None, code: 9 },
         EventKind::GuardRequest,
@@ -99,6 +119,90 @@ fn nodes() -> Vec<EventKind> {
     ]
 }
 
+fn devices() -> Vec<EventKind> {
+    let state = DeviceState {
+        machine: "device".into(),
+        channel: Some(1),
+        from: None,
+        to: "FAULT".into(),
+        fault: true,
+        cause: DeviceCause::Emcy,
+        cause_frame: 3,
+        emcy: Some(0x8130),
+        control: Some(0x0F),
+        path: Some(Box::new(Path {
+            states: vec!["INIT".into(), "ACTIVE".into()],
+            frames: vec![1, 2],
+            duration: Some(200_000_000),
+        })),
+    };
+    let known = DeviceState { from: Some("ACTIVE".into()), path: None, ..state.clone() };
+    let point = SetPoint {
+        object: ObjectAddress::new(0x6300, 1),
+        signal: "Position set point".into(),
+        short: None,
+        channel: Some(1),
+        pdo: PdoName { direction: PdoDirection::Receive, number: 1 },
+        from: Some(Quantity { number: Some(0.5), text: "0.5 %".into() }),
+        to: Quantity { number: None, text: "float".into() },
+        unit: "%".into(),
+        assumed: true,
+        effective: Effective::No,
+        gates: vec!["ACTIVE reported".into()],
+        sync_after: Some(1_000_000),
+    };
+    let object = ObjectAddress::new(0x6041, 0);
+    let bits = BitsChanged {
+        object,
+        name: "Status word".into(),
+        channel: Some(1),
+        set: vec!["ready".into()],
+        cleared: vec!["hold".into()],
+        words: Vec::new(),
+    };
+    let mode = ModeChange {
+        object,
+        name: "Control mode".into(),
+        channel: Some(1),
+        from: None,
+        to: "pressure".into(),
+        consequence: String::new(),
+    };
+    let procedure = ProcedureEvent {
+        procedure: "store".into(),
+        word: None,
+        step: "finished".into(),
+        status: "ok",
+        duration: Some(1_000_000),
+        nominal: None,
+        text: "completed".into(),
+        object: Some(object),
+        takes_over: false,
+    };
+    let conflict = Conflict {
+        object,
+        name: "Status word".into(),
+        sources: vec![("eds".into(), vec![1]), ("wire".into(), vec![2])],
+    };
+    let identified = NodeIdentified { device: "acme-pump".into(), title: "PUMP".into(), by: "identity" };
+    vec![
+        EventKind::NodeIdentified(Box::new(identified)),
+        EventKind::DeviceState(Box::new(state)),
+        EventKind::DeviceState(Box::new(known)),
+        EventKind::BitsChanged(Box::new(bits)),
+        EventKind::SetPoint(Box::new(SetPoint {
+            from: None,
+            to: Quantity { number: Some(1.0), text: "1.0 %".into() },
+            ..point.clone()
+        })),
+        EventKind::SetPoint(Box::new(point)),
+        EventKind::Mode(Box::new(ModeChange { from: Some("position".into()), ..mode.clone() })),
+        EventKind::Mode(Box::new(mode)),
+        EventKind::Procedure(Box::new(procedure)),
+        EventKind::Conflict(Box::new(conflict)),
+    ]
+}
+
 fn messages() -> Vec<EventKind> {
     let emergency = Emergency {
         code: Some(0x8130),
@@ -108,12 +212,22 @@ fn messages() -> Vec<EventKind> {
         action: EmcyAction::Raised,
         active: 1,
         byte_order: ByteOrder::LsbFirst,
+        byte_order_by: "standard",
+        alternative: Some(0x3081),
+        boot: None,
     };
-    let ready =
-        Emergency { code: None, register: None, vendor_length: 0, action: EmcyAction::Ready, ..emergency };
+    let ready = Emergency {
+        code: None,
+        register: None,
+        vendor_length: 0,
+        action: EmcyAction::Ready,
+        boot: Some(BootCause::PresumedPowerOn { sign: Some(PowerSign::OtherNodesToo) }),
+        ..emergency
+    };
+    let ready_commanded = Emergency { boot: Some(BootCause::Commanded { frame: 3 }), ..ready };
     let field = |sub, name: Option<&str>, bit, data_type| Field {
         object: ObjectAddress::new(0x2001, sub),
-        name: name.map(str::to_owned),
+        meaning: name.map(|name| Arc::new(meaning(name))),
         bit,
         bits: 8,
         data_type,
@@ -124,6 +238,7 @@ fn messages() -> Vec<EventKind> {
         bits: 16,
         origin: "wire",
         assumed: true,
+        depends: Vec::new(),
     };
     let mut pdo = Pdo {
         name: PdoName { direction: PdoDirection::Transmit, number: 1 },
@@ -140,9 +255,32 @@ fn messages() -> Vec<EventKind> {
         EventKind::Time { milliseconds: 43_200_000, days: 14_610 },
         EventKind::Emcy(emergency),
         EventKind::Emcy(ready),
+        EventKind::Emcy(ready_commanded),
         EventKind::Pdo(pdo.clone()),
         EventKind::Pdo(Pdo { is_request: true, ..pdo }),
     ]
+}
+
+/// A meaning with everything that shows in output.
+fn meaning(name: &str) -> Meaning {
+    let bit = BitName {
+        bit: 0,
+        width: 1,
+        name: "ready".into(),
+        text: None,
+        off: None,
+        values: None,
+        reserved: false,
+    };
+    Meaning {
+        name: name.to_owned(),
+        data_type: Some(DataType::Unsigned16),
+        unit: "ms".into(),
+        special: Some(Arc::new(Names([(1000, "one second".to_owned())].into()))),
+        bits: Some(Arc::new(BitNames { list: vec![bit] })),
+        range: Some([0, 1]),
+        ..Meaning::default()
+    }
 }
 
 fn transfers() -> Vec<EventKind> {
@@ -153,9 +291,12 @@ fn transfers() -> Vec<EventKind> {
         direction: Some(Direction::Download),
         mode: Some(Mode::Block),
         object: Some(ObjectAddress::new(0x1017, 0)),
+        meaning: Some(Arc::new(meaning("Producer heartbeat time"))),
+        effect: Some(Effect::AtOnce),
+        persists: Some("needs-save"),
         size: 2,
         announced: Some(2),
-        data: vec![0xE8, 3],
+        data: vec![0xE9, 3],
         truncated: false,
         previous: None,
         duration: Some(1_000_000),
@@ -178,13 +319,26 @@ fn transfers() -> Vec<EventKind> {
         truncated: true,
         ..write.clone()
     };
+    let refused = SdoTransfer {
+        outcome: Outcome::Aborted,
+        abort: Some(Abort { code: 0x0602_0000, by_client: false }),
+        data: 1000_u16.to_le_bytes().to_vec(),
+        ..write.clone()
+    };
+    let plain = SdoTransfer {
+        meaning: Some(Arc::new(Meaning {
+            scale: Some(Factor { factor: 0.1, offset: 0.0, full_scale: None }),
+            ..meaning("Pressure")
+        })),
+        ..refused.clone()
+    };
     let text = SdoTransfer {
         direction: Some(Direction::Upload),
         object: Some(ObjectAddress::new(0x1008, 0)),
         data: b"ABCD".to_vec(),
         ..write.clone()
     };
-    [write, aborted, text].map(|transfer| EventKind::SdoTransfer(Box::new(transfer))).into()
+    [write, aborted, refused, plain, text].map(|transfer| EventKind::SdoTransfer(Box::new(transfer))).into()
 }
 
 fn layer_setting() -> Vec<EventKind> {

@@ -38,6 +38,15 @@ pub enum Command {
         /// What to explain
         thing: String,
     },
+    /// List the devices that are known, show one, check a profile
+    Profiles {
+        /// What to do
+        #[command(subcommand)]
+        command: ProfilesCommand,
+        /// Folder with profiles of your own (repeatable)
+        #[arg(long, value_name = "DIR", global = true)]
+        profiles: Vec<PathBuf>,
+    },
     /// Write shell completions to stdout
     Completions {
         /// Which shell
@@ -45,6 +54,27 @@ pub enum Command {
     },
     /// Write the manual page to stdout (`cobscope man | man -l -`)
     Man,
+}
+
+/// `cobscope profiles`.
+#[derive(Debug, Subcommand)]
+pub enum ProfilesCommand {
+    /// List all devices and their variants
+    List,
+    /// Show what is known of a device
+    Show {
+        /// Profile, with its variant if you like: rexroth-sydfec, wandfluh-md2:controller
+        profile: String,
+        /// Only count what is described
+        #[arg(long)]
+        count: bool,
+    },
+    /// Check profiles: their grammar, ranges, references, samples
+    Check {
+        /// Profiles to check (TOML)
+        #[arg(required = true, value_name = "FILE")]
+        files: Vec<PathBuf>,
+    },
 }
 
 /// How captures are read and understood.
@@ -59,6 +89,12 @@ pub struct InputArgs {
     /// What is known of the buses: names of nodes, identifiers, bit rates, object values (TOML)
     #[arg(long, value_name = "FILE")]
     pub bus: Option<PathBuf>,
+    /// What a node is: 2=rexroth-sydfec, 0x20=danfoss-pve-ci:pveo, can0:5=my-device (repeatable)
+    #[arg(long, value_name = "[BUS:]ID=PROFILE")]
+    pub node: Vec<NodeArg>,
+    /// Folder with profiles of your own (repeatable)
+    #[arg(long, value_name = "DIR")]
+    pub profiles: Vec<PathBuf>,
     /// What the traffic is taken for
     #[arg(long, value_name = "PROTOCOL", default_value = "auto")]
     pub protocol: Protocol,
@@ -174,9 +210,6 @@ impl std::str::FromStr for BitRate {
 pub struct ObjectsArgs {
     #[command(flatten)]
     pub input: InputArgs,
-    /// Node-ID, decimal or 0x…, with its bus if there are several as can0:5 (default: list the nodes)
-    #[arg(long, value_name = "NODE")]
-    pub node: Option<NodeChoice>,
     /// Show them as they were then: 12.5 (seconds from the first frame), #1234 (frame), or a date and time
     #[arg(long, value_name = "TIME")]
     pub at: Option<Bound>,
@@ -194,29 +227,35 @@ pub enum ReportFormat {
     Json,
 }
 
-/// A node, with its bus if that matters.
+/// A node, with its bus if that matters, and what it is: `5`, `can0:5`, `5=rexroth-sydfec`.
 #[derive(Debug, Clone)]
-pub struct NodeChoice {
+pub struct NodeArg {
     /// Name of the bus.
     pub bus: Option<String>,
     /// Node-ID, 1 to 127.
     pub id: u8,
+    /// Profile and variant; without one the node is only chosen.
+    pub profile: Option<String>,
 }
 
-impl std::str::FromStr for NodeChoice {
+impl std::str::FromStr for NodeArg {
     type Err = &'static str;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let (bus, id) = match text.rsplit_once(':') {
+        let (node, profile) = match text.split_once('=') {
+            Some((node, profile)) => (node, Some(profile.to_owned())),
+            None => (text, None),
+        };
+        let (bus, id) = match node.rsplit_once(':') {
             Some((bus, id)) => (Some(bus.to_owned()), id),
-            None => (None, text),
+            None => (None, node),
         };
         let number = match id.strip_prefix("0x") {
             Some(digits) => u8::from_str_radix(digits, 16).ok(),
             None => id.parse().ok(),
         };
         match number {
-            Some(id @ 1..=127) => Ok(Self { bus, id }),
+            Some(id @ 1..=127) => Ok(Self { bus, id, profile }),
             _ => Err("expected a node-ID from 1 to 127, decimal or 0x…, as 5, 0x05 or can0:5"),
         }
     }

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::value::{Value, bytes};
-use super::{BIT_RATES, BusFile, Settings};
+use super::{AreaEntry, BIT_RATES, BusFile, ObjectValue, Settings};
 use crate::frame::CanId;
 use crate::profile::{Owner, PdoDirection, PdoName};
 use crate::wire::canopen::ObjectAddress;
@@ -52,6 +52,16 @@ struct Node {
     name: Option<String>,
     #[serde(default)]
     object: Vec<Object>,
+    #[serde(default)]
+    device: Option<String>,
+    #[serde(default)]
+    eds: Option<String>,
+    #[serde(default)]
+    unit: BTreeMap<Spanned<String>, String>,
+    #[serde(default)]
+    tx_area: Vec<Spanned<String>>,
+    #[serde(default)]
+    rx_area: Vec<Spanned<String>>,
 }
 
 #[derive(Deserialize)]
@@ -106,6 +116,17 @@ fn settings(bit_rate: Option<Spanned<i64>>, nodes: Nodes, ids: Vec<Id>) -> Resul
     for (key, node) in nodes {
         let id = node_key(key.get_ref()).ok_or_else(|| (key.span(), NODE_ID.to_owned()))?;
         settings.names.extend(node.name.map(|name| (id, name)));
+        settings.devices.extend(node.device.map(|device| (id, device)));
+        settings.device_files.extend(node.eds.map(|file| (id, file)));
+        for (object, unit) in node.unit {
+            settings.units.push((id, address(&object)?, unit));
+        }
+        for (name, list) in [("tx_area", node.tx_area), ("rx_area", node.rx_area)] {
+            if !list.is_empty() {
+                let list = list.iter().map(area_entry).collect::<Result<_, Wrong>>()?;
+                settings.areas.push((id, name.to_owned(), list));
+            }
+        }
         for object in node.object {
             let (address, value) = object.check()?;
             settings.objects.push((id, address, value));
@@ -122,6 +143,19 @@ fn settings(bit_rate: Option<Spanned<i64>>, nodes: Nodes, ids: Vec<Id>) -> Resul
     Ok(settings)
 }
 
+fn address(text: &Spanned<String>) -> Result<ObjectAddress, Wrong> {
+    text.get_ref().parse().map_err(|error| (text.span(), format!("{error}")))
+}
+
+/// `2F10/4`: an object and the bytes it takes.
+fn area_entry(text: &Spanned<String>) -> Result<AreaEntry, Wrong> {
+    let wrong = || (text.span(), "an entry of an area is written 2F10/4: object / bytes, 1 to 8".to_owned());
+    let (object, bytes) = text.get_ref().split_once('/').ok_or_else(wrong)?;
+    let bytes = bytes.parse().ok().filter(|bytes| (1..=8).contains(bytes)).ok_or_else(wrong)?;
+    let object = object.parse().map_err(|_| wrong())?;
+    Ok(AreaEntry { object, bytes })
+}
+
 /// A node-ID as the name of a table: `5` or `0x05`.
 fn node_key(key: &str) -> Option<u8> {
     let id = match key.strip_prefix("0x") {
@@ -132,16 +166,16 @@ fn node_key(key: &str) -> Option<u8> {
 }
 
 impl Object {
-    fn check(self) -> Result<(ObjectAddress, Vec<u8>), Wrong> {
+    fn check(self) -> Result<(ObjectAddress, ObjectValue), Wrong> {
         let span = self.address.span();
-        let address: ObjectAddress =
-            self.address.get_ref().parse().map_err(|error| (span.clone(), format!("{error}")))?;
+        let address = address(&self.address)?;
         let value = match (self.value, self.data) {
             (Some(value), None) => {
                 let span = value.span();
                 bytes(address, value.into_inner()).map_err(|message| (span, message))?
             }
             (None, Some(data)) => hex(data.get_ref())
+                .map(ObjectValue::Bytes)
                 .ok_or_else(|| (data.span(), "data is hex pairs, such as \"10 00 41 60\"".to_owned()))?,
             (Some(_), Some(data)) => return Err((data.span(), "give value or data, not both".into())),
             (None, None) => return Err((span, "give value or data of the object".into())),

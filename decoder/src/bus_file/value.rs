@@ -2,7 +2,8 @@
 
 use serde::Deserialize;
 
-use crate::profile::{DataType, communication_objects};
+use super::ObjectValue;
+use crate::profile::{DataType, plain_device};
 use crate::wire::canopen::ObjectAddress;
 
 /// A value in the file.
@@ -13,14 +14,24 @@ pub(super) enum Value {
     Text(String),
 }
 
-/// The value's bytes, least significant first. The width is the object's, or for an object of unknown
-/// type the next of 8, 16, 32 and 64 bits that holds the number.
-pub(super) fn bytes(address: ObjectAddress, value: Value) -> Result<Vec<u8>, String> {
+/// A value of an object that CiA 301 defines, in bytes; of another one the number, for the node's profile.
+pub(super) fn bytes(address: ObjectAddress, value: Value) -> Result<ObjectValue, String> {
     let number = match value {
-        Value::Text(text) => return Ok(text.into_bytes()),
+        Value::Text(text) => return Ok(ObjectValue::Bytes(text.into_bytes())),
         Value::Integer(number) => number,
     };
-    let data_type = communication_objects().find(address).and_then(|entry| entry.data_type);
+    match plain_device().dictionary.data_type(address) {
+        Some(data_type) => encode(number, Some(data_type)).map(ObjectValue::Bytes),
+        None => Ok(ObjectValue::Number(number)),
+    }
+}
+
+/// The bytes of a number, least significant first, as wide as its type; without one the next of 8, 16, 32
+/// and 64 bits that holds it.
+///
+/// # Errors
+/// A number that does not fit the type.
+pub fn encode(number: i64, data_type: Option<DataType>) -> Result<Vec<u8>, String> {
     let bits = data_type.and_then(DataType::bits).unwrap_or_else(|| width(number));
     let signed = data_type.map_or(number < 0, DataType::is_signed);
     if !fits(number, bits, signed) {
@@ -57,7 +68,7 @@ mod tests {
 
     #[test]
     fn numbers_of_unknown_objects_take_the_next_width() {
-        let of = |number| bytes(ObjectAddress::new(0x2000, 0), Value::Integer(number));
+        let of = |number| encode(number, None);
         assert_eq!(of(255), Ok(vec![255]));
         assert_eq!(of(256), Ok(vec![0, 1]));
         assert_eq!(of(0x6041_0010), Ok(vec![0x10, 0, 0x41, 0x60]));

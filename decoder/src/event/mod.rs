@@ -3,13 +3,19 @@
 //! An event of several frames carries the time of its last one; an event a deadline brings carries the
 //! deadline's time. Names of kinds and of their keys in output are in `query/`.
 
+mod device;
 mod node;
 mod transfer;
 
+pub use device::{
+    BitsChanged, Conflict, DeviceCause, DeviceState, Effective, ModeChange, NodeIdentified, Path,
+    ProcedureEvent, Quantity, SetPoint,
+};
 pub use node::{BootCause, Certainty, EmcyAction, Emergency, PowerSign, Silence, StateCause, StateChange};
 pub use transfer::{Abort, Crc, Direction, Mode, Outcome, Pdo, SdoTransfer};
 
 use crate::frame::{BusIndex, Frame, Timestamp};
+use crate::profile::Effect;
 use crate::wire::Malformed;
 use crate::wire::canopen::lss::Content;
 use crate::wire::canopen::nmt::NmtService;
@@ -73,7 +79,7 @@ pub enum EventKind {
     /// A node's state changed, became known or was confirmed.
     NmtState(StateChange),
     /// A node started.
-    BootUp { cause: BootCause },
+    BootUp { cause: BootCause, lost: u32 },
     /// A producer's heartbeat.
     Heartbeat { state: Option<NmtState>, code: u8 },
     /// The master's guarding request (remote frame).
@@ -98,6 +104,20 @@ pub enum EventKind {
     Lss { command: u8, from_master: bool, content: Content },
     /// A node took another node-ID.
     NodeIdChange { from: Option<u8>, to: u8, by: &'static str },
+    /// What a node said of itself told which device it is.
+    NodeIdentified(Box<NodeIdentified>),
+    /// The device reports another state.
+    DeviceState(Box<DeviceState>),
+    /// Bits of a control or status word changed.
+    BitsChanged(Box<BitsChanged>),
+    /// A set point changed, or began or ceased to act.
+    SetPoint(Box<SetPoint>),
+    /// A mode of operation changed.
+    Mode(Box<ModeChange>),
+    /// A procedure started, went on or ended.
+    Procedure(Box<ProcedureEvent>),
+    /// Two sources say different things of one object.
+    Conflict(Box<Conflict>),
     /// The object store learnt another value.
     ObjectChange(Box<ObjectChange>),
     /// The controller's report of an error.
@@ -127,10 +147,15 @@ pub struct ObjectChange {
     pub object: ObjectAddress,
     /// Bytes known before.
     pub from: Option<Vec<u8>>,
-    /// Bytes now.
-    pub to: Vec<u8>,
-    /// `download` or `upload`.
+    /// Bytes now; `None` if they fell back to something unknown.
+    pub to: Option<Vec<u8>>,
+    /// `download` or `upload`; `reset`: the device fell back to what it keeps; `restart`: a value that
+    /// waited for it took effect.
     pub origin: &'static str,
+    /// When it acts, if known.
+    pub effect: Option<Effect>,
+    /// Whether it stays: `yes`, `no`, `needs-save`, `unknown`.
+    pub persists: Option<&'static str>,
 }
 
 /// A frame that is no message of any protocol.
@@ -161,6 +186,13 @@ impl EventKind {
             Self::SdoTransfer(_) => "sdo-transfer",
             Self::Lss { .. } => "lss",
             Self::NodeIdChange { .. } => "node-id-change",
+            Self::NodeIdentified(_) => "node-identified",
+            Self::DeviceState(_) => "device-state",
+            Self::BitsChanged(_) => "bits-changed",
+            Self::SetPoint(_) => "set-point",
+            Self::Mode(_) => "mode",
+            Self::Procedure(_) => "procedure",
+            Self::Conflict(_) => "conflict",
             Self::ObjectChange(_) => "object-change",
             Self::CanError(_) => "can-error",
             Self::Frame(_) => "frame",

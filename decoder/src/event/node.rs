@@ -16,8 +16,10 @@ pub enum StateCause {
     GuardReply,
     /// A PDO the node sent: only operational nodes do.
     Pdo,
-    /// EMCY 8130: life guarding or heartbeat consumer fired.
+    /// Life guarding or heartbeat consumer fired, as an EMCY tells.
     LifeGuard,
+    /// Another EMCY, by the device's manual.
+    Emcy,
 }
 
 impl StateCause {
@@ -30,6 +32,7 @@ impl StateCause {
             Self::GuardReply => "guard-reply",
             Self::Pdo => "pdo",
             Self::LifeGuard => "life-guard",
+            Self::Emcy => "emcy",
         }
     }
 }
@@ -154,4 +157,10 @@ pub struct Emergency {
     pub active: u16,
     /// Byte order used.
     pub byte_order: ByteOrder,
+    /// What tells the byte order: `standard`, `profile`, `wire`, `learnt`, `presumed`.
+    pub byte_order_by: &'static str,
+    /// The code the other byte order would give, where only that is a code of the device.
+    pub alternative: Option<u16>,
+    /// Of a device without boot-up message: this message shows its start, and why it started.
+    pub boot: Option<BootCause>,
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::frame::{CanId, MAX_DATA};
-use crate::profile::{Layout, PdoName};
+use crate::profile::{Effect, Layout, Meaning, PdoName};
 use crate::wire::canopen::ObjectAddress;
 
 /// A PDO: layout and payload; signals are computed by whoever wants them.
@@ -130,6 +130,12 @@ pub struct SdoTransfer {
     pub object: Option<ObjectAddress>,
     /// Bytes transferred; with a failed transfer those seen.
     pub size: u64,
+    /// What its value means, if known.
+    pub meaning: Option<Arc<Meaning>>,
+    /// When a write acts, if known.
+    pub effect: Option<Effect>,
+    /// Whether a written value stays: `yes`, `no`, `needs-save`, `unknown`.
+    pub persists: Option<&'static str>,
     /// Size announced, if it was.
     pub announced: Option<u32>,
     /// Data, cut at 64 KiB.

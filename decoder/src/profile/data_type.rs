@@ -143,6 +143,31 @@ impl DataType {
         }
     }
 
+    /// The type of the low `bits` of a wider integer; `None` where there is none of that width.
+    pub fn narrowed(self, bits: u16) -> Option<Self> {
+        let width = self.bits().filter(|width| *width > bits)?;
+        let unsigned = Self::unsigned(bits);
+        let is_integer = self.is_signed() || self == Self::unsigned(width);
+        if !is_integer || unsigned.bits() != Some(bits) {
+            return None;
+        }
+        Some(if self.is_signed() { Self::signed(bits) } else { unsigned })
+    }
+
+    /// The signed type of a width.
+    const fn signed(bits: u16) -> Self {
+        match bits {
+            0..=8 => Self::Integer8,
+            9..=16 => Self::Integer16,
+            17..=24 => Self::Integer24,
+            25..=32 => Self::Integer32,
+            33..=40 => Self::Integer40,
+            41..=48 => Self::Integer48,
+            49..=56 => Self::Integer56,
+            _ => Self::Integer64,
+        }
+    }
+
     /// The integer type of a width, for objects of unknown type.
     pub const fn unsigned(bits: u16) -> Self {
         match bits {

@@ -1,232 +1,177 @@
-//! Objects by address: name, type, unit, how people read the value.
+//! Objects by address, from a device's own file and the standards it extends.
 
-use std::sync::OnceLock;
+use std::ops::Range;
+use std::sync::Arc;
 
-use serde::Deserialize;
-
-use super::data_type::{DataType, Value};
-use super::parse;
+use super::data_type::DataType;
+use super::object::{Access, Effect, Format, Given, Look, Only, Repeat, Storage, When};
+use super::reference::{ObjectRange, Reference};
 use crate::wire::canopen::ObjectAddress;
 
-/// How a number is read by people.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Format {
-    /// Decimal.
-    #[default]
-    Decimal,
-    /// Hexadecimal, as wide as the type.
-    Hex,
-    /// A PDO mapping entry: object and width in bits.
-    Mapping,
-    /// Bytes as characters: the signatures "save" and "load".
-    Ascii,
+/// One object of a file, or several at a distance.
+#[derive(Debug, Clone)]
+pub struct Object {
+    /// Index of the first.
+    pub index: u16,
+    /// How often, how far.
+    pub repeat: Repeat,
+    /// Name; `{n}` stands for the number of the repeat.
+    pub name: String,
+    /// Sub-entries; of a variable one with sub-index 0.
+    pub entries: Vec<Entry>,
+    /// Whether entries have names of their own.
+    pub is_record: bool,
+    /// Variants it belongs to.
+    pub only: Only,
+    /// Section.
+    pub source: String,
+    pub(super) span: Range<usize>,
 }
 
-/// Objects of one or more documents.
-#[derive(Debug, Default)]
-pub struct Dictionary {
-    objects: Vec<Object>,
-}
-
-#[derive(Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct File {
-    #[serde(default)]
-    object: Vec<Object>,
-    #[serde(default, rename = "id")]
-    _id: String,
-    #[serde(default, rename = "title")]
-    _title: String,
-    #[serde(default, rename = "source")]
-    _source: String,
-}
-
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Object {
-    index: u16,
-    name: String,
-    #[serde(default)]
-    repeat: Option<Repeat>,
-    #[serde(default)]
-    sub: Vec<Entry>,
-    #[serde(default, rename = "source")]
-    _source: String,
-    #[serde(rename = "type", default)]
-    data_type: Option<DataType>,
-    #[serde(default)]
-    unit: String,
-    #[serde(default)]
-    scale: Option<f64>,
-    #[serde(default)]
-    format: Format,
-    #[serde(default, rename = "access")]
-    _access: String,
-    #[serde(default, rename = "effect")]
-    _effect: String,
-}
-
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Repeat {
-    count: u16,
-    stride: u16,
-}
-
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Entry {
-    sub: u8,
-    #[serde(default)]
-    to: Option<u8>,
-    name: String,
-    #[serde(rename = "type", default)]
-    data_type: Option<DataType>,
-    #[serde(default)]
-    unit: String,
-    #[serde(default)]
-    scale: Option<f64>,
-    #[serde(default)]
-    format: Format,
-    #[serde(default, rename = "access")]
-    _access: String,
-    #[serde(default, rename = "effect")]
-    _effect: String,
-}
-
-/// What is known of one entry.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ObjectEntry<'a> {
-    /// Name of the object.
-    pub object_name: &'a str,
-    /// Name of the sub-entry, if the object has several.
-    pub entry_name: Option<&'a str>,
-    /// Data type, if the entry has a fixed one.
+/// One sub-entry, or equal ones from `sub` to `to`.
+#[derive(Debug, Clone)]
+pub struct Entry {
+    /// First sub-index.
+    pub sub: u8,
+    /// Last sub-index.
+    pub to: u8,
+    /// Data type.
     pub data_type: Option<DataType>,
-    /// Unit of the scaled value; empty if it has none.
-    pub unit: &'a str,
-    /// Factor from raw number to `unit`.
-    pub scale: f64,
+    /// Access by SDO.
+    pub access: Option<Access>,
     /// How people read it.
     pub format: Format,
+    pub(super) look: Look,
+    pub(super) modes: Vec<(When, Look)>,
+    /// As delivered.
+    pub default: Option<Given>,
+    /// What keeps it.
+    pub storage: Storage,
+    /// Store object that keeps it.
+    pub save: Option<Reference>,
+    /// When a write acts.
+    pub effect: Effect,
+    /// Objects whose known value is void after a write.
+    pub invalidates: Vec<ObjectRange>,
+    pub(super) channel: Option<u8>,
+    /// Variants it belongs to.
+    pub only: Only,
+    /// Section.
+    pub source: String,
+    /// An assumption or a defect of the manual.
+    pub note: String,
+    pub(super) span: Range<usize>,
+}
+
+/// Objects of one or more documents: the first that has an address counts.
+#[derive(Debug, Clone, Default)]
+pub struct Dictionary {
+    pub(super) layers: Vec<Arc<Vec<Object>>>,
+}
+
+/// What is known of an address: the object, the entry if the object has that sub-index, and which repeat.
+#[derive(Debug, Clone, Copy)]
+pub struct Found<'a> {
+    /// The address asked for.
+    pub address: ObjectAddress,
+    /// Object.
+    pub object: &'a Object,
+    /// Sub-entry.
+    pub entry: Option<&'a Entry>,
+    /// Number of the repeat, from 0.
+    pub nth: u16,
 }
 
 impl Dictionary {
-    /// The entry at an address.
-    pub fn find(&self, address: ObjectAddress) -> Option<ObjectEntry<'_>> {
-        let object = self.objects.iter().find(|object| object.covers(address.index))?;
-        if object.sub.is_empty() {
-            return (address.sub == 0).then_some(ObjectEntry {
-                object_name: &object.name,
-                entry_name: None,
-                data_type: object.data_type,
-                unit: &object.unit,
-                scale: object.scale.unwrap_or(1.0),
-                format: object.format,
-            });
+    /// What is known of an address.
+    pub fn find(&self, address: ObjectAddress) -> Option<Found<'_>> {
+        let mut index_only = None;
+        for object in self.layers.iter().flat_map(|layer| layer.iter()) {
+            let Some(nth) = object.nth(address.index) else { continue };
+            if let Some(entry) = object.entry(address.sub) {
+                return Some(Found { address, object, entry: Some(entry), nth });
+            }
+            if index_only.is_none() && object.is_record {
+                index_only = Some(Found { address, object, entry: None, nth });
+            }
         }
-        let entry = object.sub.iter().find(|entry| {
-            let last = entry.to.unwrap_or(entry.sub);
-            (entry.sub..=last).contains(&address.sub)
-        });
-        Some(ObjectEntry {
-            object_name: &object.name,
-            entry_name: entry.map(|entry| entry.name.as_str()),
-            data_type: entry.and_then(|entry| entry.data_type),
-            unit: entry.map_or("", |entry| &entry.unit),
-            scale: entry.and_then(|entry| entry.scale).unwrap_or(1.0),
-            format: entry.map_or(Format::Decimal, |entry| entry.format),
-        })
+        index_only
+    }
+
+    /// Type of an address.
+    pub fn data_type(&self, address: ObjectAddress) -> Option<DataType> {
+        self.find(address)?.entry?.data_type
+    }
+
+    /// Objects of the device's own file.
+    pub fn own(&self) -> &[Object] {
+        self.layers.first().map_or(&[], |layer| layer.as_slice())
     }
 }
 
 impl Object {
-    fn covers(&self, index: u16) -> bool {
-        let repeat = self.repeat.unwrap_or(Repeat { count: 1, stride: 1 });
-        match index.checked_sub(self.index) {
-            Some(distance) => {
-                distance % repeat.stride.max(1) == 0 && distance / repeat.stride.max(1) < repeat.count
-            }
-            None => false,
+    /// Which repeat an index is, from 0.
+    pub fn nth(&self, index: u16) -> Option<u16> {
+        let distance = index.checked_sub(self.index)?;
+        if distance == 0 {
+            return Some(0);
         }
+        let stride = self.repeat.stride;
+        let nth = distance.checked_div(stride)?;
+        (distance % stride == 0 && nth < self.repeat.count).then_some(nth)
+    }
+
+    /// The entry of a sub-index.
+    pub fn entry(&self, sub: u8) -> Option<&Entry> {
+        self.entries.iter().find(|entry| (entry.sub..=entry.to).contains(&sub))
+    }
+
+    /// Number of a repeat as people count, from 1.
+    pub fn number(&self, nth: u16) -> u16 {
+        self.repeat.first.saturating_add(nth)
+    }
+
+    /// Entries after repeats.
+    pub fn count(&self) -> usize {
+        let subs = self.entries.iter().map(|entry| usize::from(entry.to - entry.sub) + 1);
+        subs.sum::<usize>() * usize::from(self.repeat.count)
     }
 }
 
-impl ObjectEntry<'_> {
+impl Found<'_> {
+    /// Name of the object.
+    pub fn object_name(&self) -> String {
+        self.numbered(&self.object.name)
+    }
+
     /// `Producer heartbeat time`, `Identity object, Vendor-ID`.
     pub fn name(&self) -> String {
-        match self.entry_name {
-            Some(entry) if entry != self.object_name => format!("{}, {entry}", self.object_name),
-            _ => self.object_name.to_owned(),
+        let entry = self.entry.filter(|_| self.object.is_record).and_then(|entry| entry.look.name.as_deref());
+        match entry {
+            Some(entry) if entry != self.object.name => {
+                format!("{}, {}", self.object_name(), self.numbered(entry))
+            }
+            _ => self.object_name(),
         }
     }
 
-    /// The value of `data`; bytes where the type is unknown.
-    pub fn decode(&self, data: &[u8]) -> Value {
-        match self.data_type {
-            _ if self.format == Format::Ascii => DataType::VisibleString.decode(data),
-            Some(data_type) => data_type.decode(data),
-            None => Value::Bytes(data.to_vec()),
+    /// The output of the device it belongs to.
+    pub fn channel(&self) -> Option<u8> {
+        let own = self.entry.and_then(|entry| entry.channel);
+        let of_repeat = || u8::try_from(self.object.number(self.nth)).ok();
+        own.or_else(|| self.object.repeat.channel.then(of_repeat).flatten())
+    }
+
+    pub(super) fn numbered(&self, name: &str) -> String {
+        if name.contains("{n}") {
+            name.replace("{n}", &self.object.number(self.nth).to_string())
+        } else {
+            name.to_owned()
         }
     }
 
-    /// The value as people write it, with its unit.
-    pub fn show(&self, value: &Value) -> String {
-        let number = match (value, self.format) {
-            (Value::Unsigned(number), Format::Hex) => {
-                let digits = usize::from(self.data_type.and_then(DataType::bits).unwrap_or(32).div_ceil(4));
-                format!("{number:0digits$X}h")
-            }
-            // Bits 31..16 index, 15..8 sub-index, 7..0 width (CiA 301 figure 70).
-            (Value::Unsigned(number), Format::Mapping) if *number != 0 => {
-                format!("{:04X}:{:02X}/{} bit", number >> 16, number >> 8 & 0xFF, number & 0xFF)
-            }
-            #[expect(clippy::cast_precision_loss, reason = "scaled values are for reading")]
-            (Value::Unsigned(number), _) if self.has_scale() => (*number as f64 * self.scale).to_string(),
-            #[expect(clippy::cast_precision_loss, reason = "scaled values are for reading")]
-            (Value::Integer(number), _) if self.has_scale() => (*number as f64 * self.scale).to_string(),
-            _ => value.to_string(),
-        };
-        if self.unit.is_empty() { number } else { format!("{number} {}", self.unit) }
-    }
-
-    fn has_scale(&self) -> bool {
-        (self.scale - 1.0).abs() > f64::EPSILON
-    }
-}
-
-/// The objects CiA 301 (and 302, 304, 305) define at 0x1000..=0x1FFF.
-pub fn communication_objects() -> &'static Dictionary {
-    static TABLE: OnceLock<Dictionary> = OnceLock::new();
-    TABLE.get_or_init(|| Dictionary { objects: parse::<File>("standard/cia301.toml").object })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn entry(index: u16, sub: u8) -> ObjectEntry<'static> {
-        communication_objects().find(ObjectAddress::new(index, sub)).unwrap()
-    }
-
-    #[test]
-    fn names_of_variables_records_and_ranges() {
-        assert_eq!(entry(0x1017, 0).name(), "Producer heartbeat time");
-        assert_eq!(entry(0x1018, 1).name(), "Identity object, Vendor-ID");
-        assert_eq!(entry(0x1A05, 3).data_type, Some(DataType::Unsigned32));
-        assert!(communication_objects().find(ObjectAddress::new(0x2000, 0)).is_none());
-    }
-
-    #[test]
-    fn values_with_units_as_people_write_them() {
-        let heartbeat = entry(0x1017, 0);
-        assert_eq!(heartbeat.show(&heartbeat.decode(&[0xE8, 3])), "1000 ms");
-        let cob_id = entry(0x1800, 1);
-        assert_eq!(cob_id.show(&cob_id.decode(&[0x85, 1, 0, 0x80])), "80000185h");
-        let mapping = entry(0x1A00, 1);
-        assert_eq!(mapping.show(&mapping.decode(&[0x10, 0, 0x41, 0x60])), "6041:00/16 bit");
-        let store = entry(0x1010, 1);
-        assert_eq!(store.show(&store.decode(b"save")), "\"save\"");
+    /// The object a reference in this entry means.
+    pub fn shifted(&self, reference: Reference) -> ObjectAddress {
+        reference.shifted(self.nth, self.object.repeat.stride)
     }
 }

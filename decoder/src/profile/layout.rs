@@ -5,7 +5,11 @@
 
 use std::fmt;
 
+use std::str::FromStr;
+use std::sync::Arc;
+
 use super::data_type::{DataType, Value};
+use super::meaning::Meaning;
 use crate::wire::canopen::ObjectAddress;
 
 /// Direction as the device sees it.
@@ -63,13 +67,36 @@ impl fmt::Display for PdoName {
     }
 }
 
+/// `TPDO1` to `TPDO512`, `RPDO1` to `RPDO512`, in any case.
+impl FromStr for PdoName {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, &'static str> {
+        let lower = text.to_ascii_lowercase();
+        let (direction, number) = match (lower.strip_prefix("tpdo"), lower.strip_prefix("rpdo")) {
+            (Some(number), _) => (PdoDirection::Transmit, number),
+            (None, Some(number)) => (PdoDirection::Receive, number),
+            (None, None) => return Err("a PDO is written TPDO1 or RPDO1"),
+        };
+        let number = number.parse().ok().filter(|number| (1..=512).contains(number));
+        Ok(Self { direction, number: number.ok_or("PDOs are numbered 1 to 512")? })
+    }
+}
+
+impl<'de> serde::Deserialize<'de> for PdoName {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let text = String::deserialize(deserializer)?;
+        text.parse().map_err(serde::de::Error::custom)
+    }
+}
+
 /// One mapped object.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Field {
     /// Object the bits belong to.
     pub object: ObjectAddress,
-    /// Its name, if known.
-    pub name: Option<String>,
+    /// What its values mean, if known.
+    pub meaning: Option<Arc<Meaning>>,
     /// First bit of the payload, counted from the least significant bit of byte 0.
     pub bit: u16,
     /// Width in bits, 1..=64.
@@ -89,8 +116,10 @@ pub struct Layout {
     pub bits: u16,
     /// Where it comes from: `wire` (SDO traffic seen), `bus-file`, …
     pub origin: &'static str,
-    /// It may have changed unseen since it was learnt (the node restarted).
+    /// It may have changed unseen since it was learnt (the node restarted), or is a default.
     pub assumed: bool,
+    /// Objects whose values decided something: when one changes, so does the layout.
+    pub depends: Vec<ObjectAddress>,
 }
 
 /// A field's bits as a number.
@@ -118,6 +147,11 @@ impl Layout {
 }
 
 impl Field {
+    /// Name of the object, if known.
+    pub fn name(&self) -> Option<&str> {
+        self.meaning.as_deref().map(|meaning| meaning.name.as_str())
+    }
+
     /// The field's bits in `payload`; `None` if it is too short.
     pub fn extract(&self, payload: &[u8]) -> Option<RawValue> {
         let first = usize::from(self.bit / 8);
@@ -137,7 +171,7 @@ mod tests {
     use super::*;
 
     fn field(bit: u16, bits: u16, data_type: DataType) -> Field {
-        Field { object: ObjectAddress::new(0x6000, 1), name: None, bit, bits, data_type, is_typed: true }
+        Field { object: ObjectAddress::new(0x6000, 1), meaning: None, bit, bits, data_type, is_typed: true }
     }
 
     #[test]

@@ -82,6 +82,17 @@ impl Bits {
     }
 }
 
+/// Units a profile may use.
+pub(super) fn units() -> &'static Vec<String> {
+    #[derive(Default, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct File {
+        unit: Vec<String>,
+    }
+    static TABLE: OnceLock<Vec<String>> = OnceLock::new();
+    TABLE.get_or_init(|| parse::<File>("lookups/units.toml").unit)
+}
+
 /// SDO abort codes (CiA 301 §7.2.4.3.17).
 pub fn abort_codes() -> &'static Codes {
     static TABLE: OnceLock<Codes> = OnceLock::new();

@@ -3,23 +3,49 @@
 //! The TOML files below `decoder/profiles/` are part of the binary as text. Each is parsed when the
 //! first question to it is asked, never at start.
 
+mod authored;
+mod catalogue;
+mod check;
 mod connection_set;
 mod data_type;
+pub mod device;
 mod dictionary;
 mod layout;
 mod lookup;
+mod meaning;
+pub mod object;
 mod position;
+mod reference;
+mod resolve;
 
+pub use catalogue::{Catalogue, Introduction, ProfileError};
+pub use check::check;
 pub use connection_set::{ConnectionSet, Owner, connection_set};
 pub(crate) use data_type::little_endian;
 pub use data_type::{DataType, Value};
-pub use dictionary::{Dictionary, Format, ObjectEntry, communication_objects};
+pub use device::Device;
+pub use dictionary::{Dictionary, Entry, Found, Object};
 pub use layout::{Field, Layout, PdoDirection, PdoName, RawValue, Signal};
 pub use lookup::{
     Bits, CanErrors, Code, Codes, LssNames, abort_codes, can_errors, emcy_codes, error_register, lss,
 };
 
+pub use meaning::{Factor, Meaning, bit_words, integer, word};
+pub use object::{Effect, Role, Storage};
 pub use position::TextError;
+pub use reference::Reference;
+pub use resolve::{Known, NothingKnown, Number, Resolver};
+
+/// A device of which nothing is known but that it is one: CiA 301.
+pub fn plain_device() -> &'static Arc<Device> {
+    static PLAIN: OnceLock<Arc<Device>> = OnceLock::new();
+    PLAIN.get_or_init(|| {
+        // A test parses every embedded file, so the empty device is never taken.
+        Catalogue::default().device("cia301").unwrap_or_default()
+    })
+}
+
+use std::sync::{Arc, OnceLock};
 
 mod embedded {
     include!(concat!(env!("OUT_DIR"), "/profiles.rs"));

@@ -5,7 +5,7 @@ use serde::de::{Deserialize, Deserializer, Error as _};
 use crate::event::EventKind;
 
 /// Names of all kinds; a kind's place here is its number in a [`KindSet`].
-const NAMES: [&str; 25] = [
+const NAMES: [&str; 32] = [
     "nmt-command",
     "nmt-state",
     "boot-up",
@@ -21,6 +21,13 @@ const NAMES: [&str; 25] = [
     "sdo-transfer",
     "lss",
     "node-id-change",
+    "node-identified",
+    "device-state",
+    "bits-changed",
+    "set-point",
+    "mode",
+    "procedure",
+    "conflict",
     "object-change",
     "can-error",
     "frame",
@@ -51,22 +58,29 @@ const fn number(kind: &EventKind) -> u32 {
         EventKind::SdoTransfer(_) => 12,
         EventKind::Lss { .. } => 13,
         EventKind::NodeIdChange { .. } => 14,
-        EventKind::ObjectChange(_) => 15,
-        EventKind::CanError(_) => 16,
-        EventKind::Frame(_) => 17,
-        EventKind::Malformed { .. } => 18,
-        EventKind::Evicted { .. } => 19,
-        EventKind::ClockStep { .. } => 20,
-        EventKind::BusSilent { .. } => 21,
-        EventKind::LostFrames { .. } => 22,
-        EventKind::Unreadable { .. } => 23,
-        EventKind::Note { .. } => 24,
+        EventKind::NodeIdentified(_) => 15,
+        EventKind::DeviceState(_) => 16,
+        EventKind::BitsChanged(_) => 17,
+        EventKind::SetPoint(_) => 18,
+        EventKind::Mode(_) => 19,
+        EventKind::Procedure(_) => 20,
+        EventKind::Conflict(_) => 21,
+        EventKind::ObjectChange(_) => 22,
+        EventKind::CanError(_) => 23,
+        EventKind::Frame(_) => 24,
+        EventKind::Malformed { .. } => 25,
+        EventKind::Evicted { .. } => 26,
+        EventKind::ClockStep { .. } => 27,
+        EventKind::BusSilent { .. } => 28,
+        EventKind::LostFrames { .. } => 29,
+        EventKind::Unreadable { .. } => 30,
+        EventKind::Note { .. } => 31,
     }
 }
 
 /// A set of event kinds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct KindSet(u32);
+pub struct KindSet(u64);
 
 impl KindSet {
     /// No kind.
@@ -132,7 +146,10 @@ mod tests {
     #[test]
     fn set_arithmetic() {
         let some = KindSet::by_name(|name| name.starts_with("node-"));
-        assert_eq!(some.names().collect::<Vec<_>>(), ["node-lost", "node-back", "node-id-change"]);
+        assert_eq!(
+            some.names().collect::<Vec<_>>(),
+            ["node-lost", "node-back", "node-id-change", "node-identified"]
+        );
         assert!(!some.complement().contains_name("node-lost"));
         assert!(some.complement().contains(&EventKind::GuardRequest));
         assert_eq!(some.or(some.complement()), KindSet::ALL);

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::belief::Belief;
 use super::canopen::{Channels, LssState, SyncState};
 use super::clock::Clock;
+use super::device::Restart;
 use super::node::Node;
 use super::routes::{Origin, Routes, Service};
 use super::timers::Timers;
@@ -33,7 +34,7 @@ pub struct Bus {
     pub(super) lss: LssState,
     pub(super) said: Said,
     /// Frame of the last reset of all nodes: it also means those that were not heard yet.
-    pub(super) reset_all: Option<u64>,
+    pub(super) reset_all: Option<(u64, Restart)>,
     /// Last boot-up that nobody commanded: monotonic time and node-ID.
     pub(super) last_boot: Option<(i64, u8)>,
     /// Monotonic time at which the last silence of the bus ended.

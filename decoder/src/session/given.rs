@@ -5,8 +5,10 @@ use std::sync::Arc;
 use super::Bus;
 use super::routes::Service;
 use super::store::{Origin, OriginKind};
+use crate::bus_file::{ObjectValue, encode};
 use crate::frame::CanId;
 use crate::profile::Owner;
+use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
 
 /// Number of the SDO channel the user describes, beside 1200 and up that a node has.
@@ -29,13 +31,38 @@ impl Bus {
             };
             self.routes.give(*id, service);
         }
-        let origin = Origin { kind: OriginKind::BusFile, frame: 0, time: None };
-        for (id, address, value) in options.bus_file.objects(&name) {
-            let Some(node) = self.node_mut(*id) else { continue };
-            // More objects than a node can have are a file no person wrote.
-            if Arc::make_mut(&mut node.store).set(*address, value, origin).is_ok() {
-                self.take_effect(*id, *address);
+        for assignment in &options.assignments {
+            if assignment.bus.as_deref().is_none_or(|bus| bus == &*name) {
+                self.assign(assignment.node, Arc::clone(&assignment.device), assignment.by);
             }
+        }
+        for (id, address, value) in options.bus_file.objects(&name) {
+            self.give_object(*id, *address, value);
+        }
+        for (id, address, unit) in options.bus_file.units(&name) {
+            if let Some(node) = self.node_mut(*id) {
+                Arc::make_mut(&mut node.store).give_unit(*address, unit);
+            }
+        }
+    }
+
+    /// Takes a value the user gives; a number is as wide as its object.
+    fn give_object(&mut self, id: u8, address: ObjectAddress, value: &ObjectValue) {
+        const ORIGIN: Origin = Origin { kind: OriginKind::BusFile, frame: 0, time: None };
+        let Some(node) = self.node_mut(id) else { return };
+        let bytes = match value {
+            ObjectValue::Bytes(bytes) => bytes.clone(),
+            ObjectValue::Number(number) => {
+                let data_type = node.device.dictionary.data_type(address);
+                match encode(*number, data_type).or_else(|_| encode(*number, None)) {
+                    Ok(bytes) => bytes,
+                    Err(_) => return,
+                }
+            }
+        };
+        // More objects than a node can have are a file no person wrote.
+        if Arc::make_mut(&mut node.store).set(address, &bytes, ORIGIN).is_ok() {
+            self.take_effect(id, address);
         }
     }
 

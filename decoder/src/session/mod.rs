@@ -12,6 +12,7 @@ mod bus;
 mod canopen;
 mod clock;
 mod deadlines;
+mod device;
 mod emit;
 mod given;
 mod node;
@@ -22,11 +23,14 @@ mod store;
 mod timers;
 
 pub use bus::Bus;
-pub use node::{NmtStatus, Node};
+pub use node::{AssignedBy, NmtStatus, Node};
 pub use store::{Entry, Origin, OriginKind, Store};
+
+use std::sync::Arc;
 
 use crate::bus_file::BusFile;
 use crate::event::Event;
+use crate::profile::{Catalogue, Device};
 
 /// Data kept of one SDO transfer, in bytes.
 pub const TRANSFER_DATA_LIMIT: usize = 64 * 1024;
@@ -80,6 +84,23 @@ pub struct SessionOptions {
     pub node_names: Vec<(u8, String)>,
     /// What the user knows of the buses; it goes before everything learnt.
     pub bus_file: BusFile,
+    /// All profiles.
+    pub catalogue: Arc<Catalogue>,
+    /// What nodes are; of two for one node the last counts.
+    pub assignments: Vec<Assignment>,
+}
+
+/// What a node is, as the user says.
+#[derive(Debug, Clone)]
+pub struct Assignment {
+    /// Name of the bus; all buses if none.
+    pub bus: Option<String>,
+    /// Node-ID.
+    pub node: u8,
+    /// Device.
+    pub device: Arc<Device>,
+    /// Who says so.
+    pub by: AssignedBy,
 }
 
 impl Default for SessionOptions {
@@ -89,6 +110,8 @@ impl Default for SessionOptions {
             sdo_silence: 1_000_000_000,
             node_names: Vec::new(),
             bus_file: BusFile::default(),
+            catalogue: Arc::default(),
+            assignments: Vec::new(),
         }
     }
 }

@@ -3,10 +3,13 @@
 use std::sync::Arc;
 
 use super::ACTIVE_ERROR_LIMIT;
+use super::device::Restart;
 use super::store::Store;
 use crate::event::{Certainty, StateCause};
-use crate::frame::Timestamp;
-use crate::wire::canopen::NmtState;
+use crate::frame::{CanId, Timestamp};
+use crate::profile::{Device, Meaning, Resolver, plain_device};
+use crate::wire::canopen::emcy::ByteOrder;
+use crate::wire::canopen::{NmtState, ObjectAddress};
 
 /// NMT state with its certainty.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -84,7 +87,13 @@ pub struct Node {
     /// Monotonic time of its last frame.
     pub(super) last_heard: i64,
     /// Frame of the reset command since its last boot-up.
-    pub(super) reset_frame: Option<u64>,
+    pub(super) reset_frame: Option<(u64, Restart)>,
+    /// Identifier of the SYNC it obeys.
+    pub(super) sync: CanId,
+    /// How it started last.
+    pub(super) restart: Restart,
+    /// Byte order of EMCY codes, told by the codes.
+    pub(super) emcy_order: Option<LearntOrder>,
     /// Booted, and no EMCY since.
     pub(super) just_booted: bool,
     /// Boot-ups seen.
@@ -97,6 +106,41 @@ pub struct Node {
     /// Parameters were saved (1010) since the last download.
     pub(super) saved: bool,
     pub(super) store: Arc<Store>,
+    /// What the node is; CiA 301 alone where that is not known.
+    pub(super) device: Arc<Device>,
+    /// What told it.
+    pub(super) assigned: Option<AssignedBy>,
+    /// Several devices fit, and that was said.
+    pub(super) ambiguous: bool,
+}
+
+/// Byte order of EMCY codes that the codes themselves told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct LearntOrder(pub(super) ByteOrder);
+
+/// What told which device a node is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AssignedBy {
+    /// The command line.
+    Option,
+    /// The bus file.
+    BusFile,
+    /// An EDS, DCF or XDD file.
+    DeviceFile,
+    /// What the node said of itself.
+    Identity,
+}
+
+impl AssignedBy {
+    /// The name used in all output.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Option => "option",
+            Self::BusFile => "bus-file",
+            Self::DeviceFile => "device-file",
+            Self::Identity => "identity",
+        }
+    }
 }
 
 impl Node {
@@ -111,6 +155,9 @@ impl Node {
             last_seen: None,
             last_heard: 0,
             reset_frame: None,
+            sync: CanId::standard(0x80),
+            restart: Restart::PowerOn,
+            emcy_order: None,
             just_booted: false,
             boots: 0,
             heartbeat: Heartbeat::default(),
@@ -119,6 +166,9 @@ impl Node {
             last_error: None,
             saved: false,
             store: Arc::default(),
+            device: Arc::clone(plain_device()),
+            assigned: None,
+            ambiguous: false,
         }
     }
 
@@ -160,6 +210,31 @@ impl Node {
     /// Its objects.
     pub fn store(&self) -> &Store {
         &self.store
+    }
+
+    /// What the node is; CiA 301 alone where that is not known.
+    pub fn device(&self) -> &Arc<Device> {
+        &self.device
+    }
+
+    /// What told which device it is.
+    pub fn assigned(&self) -> Option<AssignedBy> {
+        self.assigned
+    }
+
+    /// Title of the device, where one was assigned.
+    pub fn device_title(&self) -> Option<&str> {
+        self.assigned.map(|_| self.device.title.as_str())
+    }
+
+    /// Profile and variant, where one was assigned.
+    pub fn device_id(&self) -> Option<&str> {
+        self.assigned.map(|_| self.device.full_id.as_str())
+    }
+
+    /// What an object means now.
+    pub fn meaning(&self, object: ObjectAddress) -> Option<Meaning> {
+        Resolver::new(&self.device.dictionary, &*self.store).meaning(object)
     }
 
     /// Sets `attention` from the rest.

@@ -6,6 +6,8 @@ use super::node::Node;
 use super::routes::Service;
 use super::timers::Subject;
 use crate::frame::{BusIndex, CanId};
+use crate::profile::{Meaning, NothingKnown, Resolver, plain_device};
+use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
 
 impl Bus {
@@ -33,6 +35,14 @@ impl Bus {
     /// All nodes in order of their node-ID.
     pub fn nodes(&self) -> impl Iterator<Item = &Node> {
         (1..=127).filter_map(|id| self.node(id))
+    }
+
+    /// What an object of a node means now; of one never heard what CiA 301 says.
+    pub(super) fn meaning(&self, id: u8, object: ObjectAddress) -> Option<Meaning> {
+        match self.node(id) {
+            Some(node) => node.meaning(object),
+            None => Resolver::new(&plain_device().dictionary, &NothingKnown).meaning(object),
+        }
     }
 
     /// What an identifier means now, for people: `TPDO1 of 5`, `SDO response of 15`.

@@ -6,9 +6,10 @@ use std::sync::Arc;
 use foldhash::fast::FixedState;
 
 use super::EXTENDED_ID_LIMIT;
-use crate::event::Event;
+use crate::event::{Event, EventKind, Pdo};
 use crate::frame::CanId;
 use crate::profile::{Owner, PdoName, connection_set};
+use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
 
 /// Service and node of an identifier.
@@ -183,6 +184,20 @@ impl Routes {
     pub(super) fn refresh_pdo(&mut self, name: PdoName, node: u8) {
         for slot in &mut self.slots {
             if slot.service == Service::Pdo(name, node) {
+                slot.pdo = None;
+            }
+        }
+    }
+
+    /// The same for PDOs of a node whose layout depends on an object.
+    pub(super) fn refresh_dependents(&mut self, id: u8, object: ObjectAddress) {
+        for slot in &mut self.slots {
+            let depends = matches!(slot.service, Service::Pdo(_, node) if node == id)
+                && slot.pdo.as_deref().is_some_and(|event| match &event.kind {
+                    EventKind::Pdo(Pdo { layout: Some(layout), .. }) => layout.depends.contains(&object),
+                    _ => true,
+                });
+            if depends {
                 slot.pdo = None;
             }
         }

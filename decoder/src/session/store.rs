@@ -1,11 +1,12 @@
 //! The object store of one node: what is known of its objects, and from where.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use foldhash::fast::FixedState;
 
 use super::{OBJECT_BYTES_LIMIT, OBJECT_LIMIT, OBJECT_VALUE_LIMIT};
 use crate::frame::Timestamp;
+use crate::profile::{Effect, Known};
 use crate::wire::canopen::ObjectAddress;
 
 /// Where a value comes from.
@@ -70,9 +71,122 @@ pub struct Entry {
 pub struct Store {
     entries: HashMap<ObjectAddress, Entry, FixedState>,
     bytes: usize,
+    /// Units the user gives, where no message tells them.
+    units: BTreeMap<ObjectAddress, String>,
+    /// Values written that wait for a restart, and for which.
+    waiting: BTreeMap<ObjectAddress, Waiting>,
+    /// Values known to be in non-volatile memory.
+    kept: BTreeMap<ObjectAddress, Vec<u8>>,
+}
+
+/// A value that takes effect later.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Waiting {
+    /// The value.
+    pub value: Vec<u8>,
+    /// What it waits for.
+    pub effect: Effect,
+    /// Who wrote it.
+    pub origin: Origin,
+}
+
+impl Known for Store {
+    fn bytes(&self, object: ObjectAddress) -> Option<(&[u8], bool)> {
+        self.get(object).map(|entry| (entry.value.as_slice(), entry.stale))
+    }
+
+    fn unit(&self, object: ObjectAddress) -> Option<&str> {
+        self.units.get(&object).map(String::as_str)
+    }
 }
 
 impl Store {
+    /// The unit of an object whose unit no message tells.
+    pub(super) fn give_unit(&mut self, address: ObjectAddress, unit: &str) {
+        self.units.insert(address, unit.to_owned());
+    }
+
+    /// A value that takes effect later.
+    pub fn waiting(&self, address: ObjectAddress) -> Option<&Waiting> {
+        self.waiting.get(&address)
+    }
+
+    /// All values that take effect later.
+    pub fn all_waiting(&self) -> impl Iterator<Item = (ObjectAddress, &Waiting)> {
+        self.waiting.iter().map(|(address, waiting)| (*address, waiting))
+    }
+
+    /// Notes a value that takes effect later; of long ones nothing depends on the bytes.
+    pub(super) fn wait(&mut self, address: ObjectAddress, waiting: Waiting) {
+        let fits = self.waiting.len() < OBJECT_LIMIT / 4 || self.waiting.contains_key(&address);
+        if fits && waiting.value.len() <= OBJECT_VALUE_LIMIT / 16 {
+            self.waiting.insert(address, waiting);
+        }
+    }
+
+    /// Takes the waiting values for which the time has come.
+    pub(super) fn take_waiting(&mut self, comes: impl Fn(Effect) -> bool) -> Vec<(ObjectAddress, Vec<u8>)> {
+        let (now, later): (BTreeMap<_, _>, _) =
+            std::mem::take(&mut self.waiting).into_iter().partition(|(_, waiting)| comes(waiting.effect));
+        self.waiting = later;
+        now.into_iter().map(|(address, waiting)| (address, waiting.value)).collect()
+    }
+
+    /// The value in non-volatile memory, if known.
+    pub fn kept(&self, address: ObjectAddress) -> Option<&[u8]> {
+        self.kept.get(&address).map(Vec::as_slice)
+    }
+
+    /// Everything `picks` is in non-volatile memory now.
+    pub(super) fn keep(&mut self, picks: impl Fn(ObjectAddress) -> bool) {
+        for (address, entry) in &self.entries {
+            if entry.value.len() <= OBJECT_VALUE_LIMIT / 16 && picks(*address) {
+                self.kept.insert(*address, entry.value.clone());
+            }
+        }
+    }
+
+    /// Nothing is known any more of what `picks` has in non-volatile memory.
+    pub(super) fn forget_kept(&mut self, picks: impl Fn(ObjectAddress) -> bool) {
+        self.kept.retain(|address, _| !picks(*address));
+    }
+
+    /// Forgets a value.
+    pub(super) fn remove(&mut self, address: ObjectAddress) {
+        if let Some(entry) = self.entries.remove(&address) {
+            self.bytes = self.bytes.saturating_sub(entry.value.len());
+        }
+    }
+
+    /// A value is the one in non-volatile memory again.
+    pub(super) fn fall_back(&mut self, address: ObjectAddress, kept: &[u8]) {
+        if let Some(entry) = self.entries.get(&address) {
+            let origin = entry.origin;
+            // It takes the place of one that was there.
+            let _ = self.set(address, kept, origin);
+        }
+    }
+
+    /// A value may have changed unseen.
+    pub(super) fn doubt(&mut self, address: ObjectAddress) {
+        if let Some(entry) = self.entries.get_mut(&address) {
+            entry.stale = true;
+        }
+    }
+
+    /// The same for all that `picks`; gives their addresses.
+    pub(super) fn doubt_all(&mut self, picks: impl Fn(ObjectAddress) -> bool) -> Vec<ObjectAddress> {
+        let mut doubted = Vec::new();
+        for (address, entry) in &mut self.entries {
+            if entry.origin.kind != OriginKind::BusFile && !entry.stale && picks(*address) {
+                entry.stale = true;
+                doubted.push(*address);
+            }
+        }
+        doubted.sort_unstable();
+        doubted
+    }
+
     /// The value at an address.
     pub fn get(&self, address: ObjectAddress) -> Option<&Entry> {
         self.entries.get(&address)
@@ -106,13 +220,6 @@ impl Store {
             self.bytes = self.bytes.saturating_sub(before.value.len());
         }
         Ok(before)
-    }
-
-    /// Marks every value seen on the bus as possibly outdated.
-    pub(super) fn mark_stale(&mut self) {
-        for entry in self.entries.values_mut() {
-            entry.stale |= entry.origin.kind != OriginKind::BusFile;
-        }
     }
 
     /// All objects in order of their address.

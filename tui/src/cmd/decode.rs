@@ -10,7 +10,8 @@ use cobscope_decoder::session::{Bus, Observer};
 use cobscope_decoder::sink::jsonl::Jsonl;
 use cobscope_decoder::sink::text::{self, PdoLines, Text, TextOptions};
 
-use super::{Watcher, captures, complain, decode_capture, session_options};
+use super::input::{captures, session_options};
+use super::{Watcher, complain, decode_capture};
 use crate::cli::{Color, DecodeArgs, Format, Pdo, TimeColumn};
 use crate::exit_code::Exit;
 use crate::select::Selection;

@@ -7,7 +7,7 @@ use cobscope_decoder::capture::{Batch, Item, ReadOptions, Reader};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::{CanId, Frame};
-use cobscope_decoder::profile::{self, Owner, PdoDirection};
+use cobscope_decoder::profile::{self, NothingKnown, Owner, PdoDirection, Resolver};
 use cobscope_decoder::session::{Bus, ProtocolChoice, SessionOptions};
 use cobscope_decoder::sink::text::{PdoLines, Text, TextOptions};
 use cobscope_decoder::wire::canopen::ObjectAddress;
@@ -54,7 +54,7 @@ fn code(thing: &str) -> Vec<String> {
 fn four_digits(number: u16) -> Vec<String> {
     let address = ObjectAddress::new(number, 0);
     let known_object =
-        profile::communication_objects().find(address).is_some() || (0x1000..0x2000).contains(&number);
+        profile::plain_device().dictionary.find(address).is_some() || (0x1000..0x2000).contains(&number);
     let known_code = profile::emcy_codes().find(u32::from(number)).is_some();
     let mut readings = Vec::new();
     if known_object {
@@ -96,14 +96,14 @@ fn emcy_code(code: u16) -> String {
 
 fn object(address: ObjectAddress) -> String {
     let mut text = format!("{address}  object: ");
-    match profile::communication_objects().find(address) {
-        Some(entry) => {
-            text.push_str(&entry.name());
-            if let Some(data_type) = entry.data_type {
+    match Resolver::new(&profile::plain_device().dictionary, &NothingKnown).meaning(address) {
+        Some(meaning) => {
+            text.push_str(&meaning.name);
+            if let Some(data_type) = meaning.data_type {
                 let _ = write!(text, ", {}", data_type.name());
             }
-            if !entry.unit.is_empty() {
-                let _ = write!(text, ", in {}", entry.unit);
+            if !meaning.unit.is_empty() {
+                let _ = write!(text, ", in {}", meaning.unit);
             }
         }
         None => text.push_str(range(address.index)),

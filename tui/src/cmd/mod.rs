@@ -2,24 +2,27 @@
 
 mod decode;
 mod explain;
+mod input;
 mod objects;
+mod profile_page;
+mod profiles;
 mod shell;
 mod stats;
 
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::Context as _;
-use cobscope_decoder::bus_file::BusFile;
-use cobscope_decoder::capture::{Batch, BusNames, Item, ReadOptions, TimeStyle};
+use cobscope_decoder::capture::{Batch, BusNames, Item};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::frame::Frame;
-use cobscope_decoder::session::{Observer, ProtocolChoice, SessionOptions};
+use cobscope_decoder::session::{Observer, SessionOptions};
 use cobscope_decoder::sink::escape;
 
-use crate::cli::{Cli, Command, InputArgs, Protocol, StampStyle};
+use crate::cli::{Cli, Command, InputArgs};
 use crate::exit_code::Exit;
 use crate::source;
+use input::{captures, read_options, session_options};
 
 /// Runs what the command line says.
 pub fn run(cli: Cli) -> Exit {
@@ -28,6 +31,7 @@ pub fn run(cli: Cli) -> Exit {
         Command::Stats(arguments) => stats::run(&arguments),
         Command::Objects(arguments) => objects::run(&arguments),
         Command::Explain { thing } => explain::run(&thing),
+        Command::Profiles { command, profiles } => profiles::run(&command, &input::catalogue(&profiles)),
         Command::Completions { shell } => shell::completions(shell),
         Command::Man => shell::man(),
     }
@@ -36,45 +40,6 @@ pub fn run(cli: Cli) -> Exit {
 /// Tells the user what went wrong.
 fn complain(error: &anyhow::Error) {
     let _ = writeln!(std::io::stderr(), "cobscope: {error:#}");
-}
-
-/// Captures to read: those named, else standard input.
-fn captures(input: &InputArgs) -> Vec<PathBuf> {
-    if input.captures.is_empty() { vec!["-".into()] } else { input.captures.clone() }
-}
-
-fn read_options(input: &InputArgs) -> ReadOptions {
-    ReadOptions {
-        time_style: input.time.map(|style| match style {
-            StampStyle::Absolute => TimeStyle::Absolute,
-            StampStyle::Delta => TimeStyle::Delta,
-        }),
-    }
-}
-
-/// What the options say of the buses.
-///
-/// # Errors
-/// A bus file that cannot be read or is broken.
-fn session_options(input: &InputArgs) -> anyhow::Result<SessionOptions> {
-    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-    let sdo_silence = (input.sdo_timeout * 1e9) as i64;
-    Ok(SessionOptions {
-        protocol: match input.protocol {
-            Protocol::Auto => ProtocolChoice::Auto,
-            Protocol::Canopen => ProtocolChoice::Canopen,
-            Protocol::None => ProtocolChoice::None,
-        },
-        sdo_silence,
-        bus_file: input.bus.as_deref().map(bus_file).transpose()?.unwrap_or_default(),
-        ..SessionOptions::default()
-    })
-}
-
-fn bus_file(path: &Path) -> anyhow::Result<BusFile> {
-    let name = path.display().to_string();
-    let text = std::fs::read_to_string(path).with_context(|| format!("{name}: cannot be read"))?;
-    BusFile::parse(&text).map_err(|error| anyhow::anyhow!(error.show(&name)))
 }
 
 /// Something that looks at a capture's events and can have enough.

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::{Frame, Timestamp};
-use cobscope_decoder::profile::{self, Value};
+use cobscope_decoder::profile::Value;
 use cobscope_decoder::session::{Bus, Entry, Node, Observer};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::canopen::ObjectAddress;
@@ -62,7 +62,7 @@ impl Watcher for Until {
 /// Tells what is asked for of one bus.
 fn tell(bus: &Bus, arguments: &ObjectsArgs, first: Option<Timestamp>, capture: &str, output: &mut String) {
     let nodes = bus.nodes().filter(|node| !node.store().is_empty());
-    let Some(wanted) = &arguments.node else {
+    let Some(wanted) = arguments.input.node.iter().find(|node| node.profile.is_none()) else {
         for node in nodes {
             overview(bus, node, arguments.format, capture, output);
         }
@@ -77,7 +77,7 @@ fn tell(bus: &Bus, arguments: &ObjectsArgs, first: Option<Timestamp>, capture: &
     }
     for (object, entry) in node.store().sorted() {
         match arguments.format {
-            ReportFormat::Text => row(object, entry, first, output),
+            ReportFormat::Text => row(node, object, entry, first, output),
             ReportFormat::Json => {
                 let _ = writeln!(output, "{}", record(bus, node, object, entry, capture));
             }
@@ -105,11 +105,11 @@ fn overview(bus: &Bus, node: &Node, format: ReportFormat, capture: &str, output:
 }
 
 /// One object in columns; of long data the beginning.
-fn row(object: ObjectAddress, entry: &Entry, first: Option<Timestamp>, output: &mut String) {
+fn row(node: &Node, object: ObjectAddress, entry: &Entry, first: Option<Timestamp>, output: &mut String) {
     const SHOWN_BYTES: usize = 16;
-    let known = profile::communication_objects().find(object);
-    let name = known.map_or(String::new(), |known| known.name());
-    let value = match known.map(|known| (known, known.decode(&entry.value))) {
+    let known = node.meaning(object);
+    let name = known.as_ref().map_or("", |known| &known.name);
+    let value = match known.as_ref().map(|known| (known, known.decode(&entry.value))) {
         Some((_, Value::Bytes(_))) | None => String::new(),
         Some((known, value)) => known.show(&value),
     };
@@ -134,8 +134,8 @@ fn row(object: ObjectAddress, entry: &Entry, first: Option<Timestamp>, output: &
 
 /// One object as a JSON object.
 fn record(bus: &Bus, node: &Node, object: ObjectAddress, entry: &Entry, capture: &str) -> serde_json::Value {
-    let known = profile::communication_objects().find(object);
-    let value = known.map(|known| known.decode(&entry.value)).and_then(|value| match value {
+    let known = node.meaning(object);
+    let value = known.as_ref().map(|known| known.decode(&entry.value)).and_then(|value| match value {
         Value::Unsigned(value) => Some(json!(value)),
         Value::Integer(value) => Some(json!(value)),
         Value::Real(value) => Some(json!(value)),
@@ -148,9 +148,9 @@ fn record(bus: &Bus, node: &Node, object: ObjectAddress, entry: &Entry, capture:
         "bus": bus.name(),
         "node": node.id(),
         "object": format!("0x{object}"),
-        "name": known.map(|known| known.name()),
+        "name": known.as_ref().map(|known| &known.name),
         "value": value,
-        "unit": known.map(|known| known.unit).filter(|unit| !unit.is_empty()),
+        "unit": known.as_ref().map(|known| &known.unit).filter(|unit| !unit.is_empty()),
         "data": data.concat(),
         "size": entry.size,
         "origin": entry.origin.kind.name(),

@@ -4,6 +4,7 @@
 //! file describes every key; a test holds both to each other.
 
 mod bus;
+mod device;
 mod node;
 mod transfer;
 
@@ -13,6 +14,7 @@ pub use transfer::{direction, mode};
 
 use crate::event::{Event, EventKind, Protocol};
 use crate::frame::{CanId, Timestamp};
+use crate::profile::{Device, plain_device};
 use crate::session::Bus;
 use crate::wire::canopen::ObjectAddress;
 
@@ -64,11 +66,11 @@ pub trait Fields {
 /// Tells `fields` everything about an event.
 pub fn visit(event: &Event, bus: &Bus, capture: Option<&str>, fields: &mut dyn Fields) {
     envelope(event, bus, capture, fields);
-    details(event, fields);
+    details(event, bus, fields);
 }
 
 /// What depends on the kind.
-fn details(event: &Event, fields: &mut dyn Fields) {
+fn details(event: &Event, bus: &Bus, fields: &mut dyn Fields) {
     match &event.kind {
         EventKind::NmtCommand { service, target, from, to } => {
             fields.field("command", FieldValue::Text(service.name()));
@@ -79,7 +81,7 @@ fn details(event: &Event, fields: &mut dyn Fields) {
             }
         }
         EventKind::NmtState(change) => node::state_change(change, fields),
-        EventKind::BootUp { cause } => node::boot_up(*cause, fields),
+        EventKind::BootUp { cause, lost } => node::boot_up(*cause, *lost, fields),
         EventKind::Heartbeat { state, code } => node::node_state(*state, *code, fields),
         EventKind::GuardRequest => {}
         EventKind::GuardReply { state, code, toggle, toggle_error } => {
@@ -99,9 +101,9 @@ fn details(event: &Event, fields: &mut dyn Fields) {
         EventKind::Time { milliseconds, days } => {
             fields.field("time", FieldValue::Text(&time_of_day(*milliseconds, *days)));
         }
-        EventKind::Emcy(emergency) => node::emcy(emergency, fields),
+        EventKind::Emcy(emergency) => node::emcy(emergency, device(event, bus), fields),
         EventKind::Pdo(pdo) => transfer::process_data(pdo, fields),
-        EventKind::SdoTransfer(transfer) => transfer::sdo_transfer(transfer, fields),
+        EventKind::SdoTransfer(transfer) => transfer::sdo_transfer(transfer, device(event, bus), fields),
         EventKind::Lss { command, from_master, content } => {
             node::lss(*command, *from_master, content, fields);
         }
@@ -113,10 +115,31 @@ fn details(event: &Event, fields: &mut dyn Fields) {
         EventKind::ObjectChange(change) => {
             fields.field("object", FieldValue::Object(change.object));
             fields.field("from", change.from.as_deref().map_or(FieldValue::Null, FieldValue::Bytes));
-            fields.field("to", FieldValue::Bytes(&change.to));
+            fields.field("to", change.to.as_deref().map_or(FieldValue::Null, FieldValue::Bytes));
             fields.field("origin", FieldValue::Text(change.origin));
+            if let Some(effect) = change.effect {
+                fields.field("effective", FieldValue::Text(effect.name()));
+            }
+            if let Some(persists) = change.persists {
+                fields.field("persists", FieldValue::Text(persists));
+            }
         }
+        EventKind::NodeIdentified(node) => device::node_identified(node, fields),
+        EventKind::DeviceState(state) => device::device_state(state, fields),
+        EventKind::BitsChanged(bits) => device::bits_changed(bits, fields),
+        EventKind::SetPoint(point) => device::set_point(point, fields),
+        EventKind::Mode(mode) => device::mode_change(mode, fields),
+        EventKind::Procedure(procedure) => device::procedure(procedure, fields),
+        EventKind::Conflict(conflict) => device::conflict(conflict, fields),
         _ => bus::about_the_bus(&event.kind, fields),
+    }
+}
+
+/// What the event's node is.
+pub(crate) fn device<'a>(event: &Event, bus: &'a Bus) -> &'a Device {
+    match event.node.and_then(|node| bus.node(node)) {
+        Some(node) => node.device(),
+        None => plain_device(),
     }
 }
 
@@ -135,8 +158,12 @@ pub fn envelope(event: &Event, bus: &Bus, capture: Option<&str>, fields: &mut dy
     fields.field("protocol", FieldValue::Text(protocol(event.protocol)));
     if let Some(node) = event.node {
         fields.field("node", FieldValue::Unsigned(u64::from(node)));
-        if let Some(name) = bus.node(node).and_then(|node| node.name()) {
+        let known = bus.node(node);
+        if let Some(name) = known.and_then(|node| node.name()) {
             fields.field("node_name", FieldValue::Text(name));
+        }
+        if let Some(device) = known.and_then(|node| node.device_id()) {
+            fields.field("device", FieldValue::Text(device));
         }
     }
     if event.presumed {

@@ -2,7 +2,7 @@
 
 use super::{FieldValue, Fields};
 use crate::event::{BootCause, Certainty, Emergency, Silence, StateChange};
-use crate::profile;
+use crate::profile::{self, Device};
 use crate::wire::canopen::NmtState;
 use crate::wire::canopen::lss::Content;
 
@@ -24,7 +24,10 @@ const fn certainty(certainty: Certainty) -> &'static str {
     }
 }
 
-pub(super) fn boot_up(cause: BootCause, fields: &mut dyn Fields) {
+pub(super) fn boot_up(cause: BootCause, lost: u32, fields: &mut dyn Fields) {
+    if lost > 0 {
+        fields.field("settings_lost", FieldValue::Unsigned(u64::from(lost)));
+    }
     match cause {
         BootCause::Commanded { frame } => {
             fields.field("cause", FieldValue::Text("commanded"));
@@ -60,11 +63,13 @@ pub(super) fn node_silence(silence: &Silence, fields: &mut dyn Fields) {
     fields.field("monitored_by", FieldValue::Text(silence.monitored_by));
 }
 
-pub(super) fn emcy(emergency: &Emergency, fields: &mut dyn Fields) {
+pub(super) fn emcy(emergency: &Emergency, device: &Device, fields: &mut dyn Fields) {
     match emergency.code {
         Some(code) => {
             fields.field("code", FieldValue::Code(u64::from(code), 4));
-            fields.field("text", FieldValue::Text(profile::emcy_codes().text(u32::from(code))));
+            let own = device.error(code).map(|error| error.text.as_str());
+            let text = own.unwrap_or_else(|| profile::emcy_codes().text(u32::from(code)));
+            fields.field("text", FieldValue::Text(text));
         }
         None => fields.field("code", FieldValue::Null),
     }
@@ -78,6 +83,15 @@ pub(super) fn emcy(emergency: &Emergency, fields: &mut dyn Fields) {
     fields.field("action", FieldValue::Text(emergency.action.name()));
     fields.field("active", FieldValue::Unsigned(u64::from(emergency.active)));
     fields.field("byte_order", FieldValue::Text(emergency.byte_order.name()));
+    fields.field("byte_order_origin", FieldValue::Text(emergency.byte_order_by));
+    if let Some(cause) = emergency.boot {
+        fields.open("boot");
+        boot_up(cause, 0, fields);
+        fields.close();
+    }
+    if let Some(code) = emergency.alternative {
+        fields.field("alternative", FieldValue::Code(u64::from(code), 4));
+    }
 }
 
 pub(super) fn lss(command: u8, from_master: bool, content: &Content, fields: &mut dyn Fields) {

@@ -2,7 +2,7 @@
 
 use super::{FieldValue, Fields, number_or_null};
 use crate::event::{Direction, Mode, Pdo, SdoTransfer};
-use crate::profile::{self, Value};
+use crate::profile::{self, Device, Meaning, Value};
 use crate::wire::canopen::ObjectAddress;
 
 pub(super) fn process_data(pdo: &Pdo, fields: &mut dyn Fields) {
@@ -26,16 +26,51 @@ pub(crate) fn signals(pdo: &Pdo, fields: &mut dyn Fields) {
     for signal in layout.signals(pdo.payload()) {
         fields.open("");
         fields.field("id", FieldValue::Object(signal.field.object));
-        fields.field("name", signal.field.name.as_deref().map_or(FieldValue::Null, FieldValue::Text));
+        fields.field("name", signal.field.name().map_or(FieldValue::Null, FieldValue::Text));
         fields.field("raw", FieldValue::Unsigned(signal.raw));
-        value_field("value", &signal.value, fields);
+        match signal.field.meaning.as_deref() {
+            Some(meaning) => meant(meaning, &signal.value, fields),
+            None => value_field("value", &signal.value, fields),
+        }
         fields.field("origin", FieldValue::Text(layout.origin));
-        if layout.assumed {
+        if layout.assumed || signal.field.meaning.as_deref().is_some_and(|meaning| meaning.assumed) {
             fields.field("assumed", FieldValue::Bool(true));
         }
         fields.close();
     }
     fields.close_list();
+}
+
+/// The value in engineering units, with unit and name; `null` where it is no quantity but a special value.
+fn meant(meaning: &Meaning, value: &Value, fields: &mut dyn Fields) {
+    let label = meaning.label(value);
+    match meaning.scaled(value) {
+        Some(quantity) => fields.field("value", FieldValue::Real(rounded(quantity))),
+        None if meaning.scale.is_some() && label.is_some() => fields.field("value", FieldValue::Null),
+        None => value_field("value", value, fields),
+    }
+    if !meaning.unit.is_empty() {
+        fields.field("unit", FieldValue::Text(&meaning.unit));
+    }
+    if let Some(label) = label {
+        fields.field("label", FieldValue::Text(label));
+    }
+    if let (Some(bits), Some(word)) = (meaning.bits.as_deref(), profile::word(value)) {
+        fields.open_list("bits");
+        for bit in bits.list.iter().filter(|bit| !bit.reserved && bit.width == 1 && bit.of(word) == 1) {
+            fields.field("", FieldValue::Text(&bit.name));
+        }
+        fields.close_list();
+    }
+    if meaning.is_outside(value) {
+        fields.field("outside", FieldValue::Bool(true));
+    }
+}
+
+/// Without the digits that scaling makes: a millionth is finer than any device resolves.
+pub(super) fn rounded(quantity: f64) -> f64 {
+    let shifted = quantity * 1e6;
+    if shifted.abs() < 1e15 { shifted.round() / 1e6 } else { quantity }
 }
 
 fn value_field(key: &'static str, value: &Value, fields: &mut dyn Fields) {
@@ -48,7 +83,7 @@ fn value_field(key: &'static str, value: &Value, fields: &mut dyn Fields) {
     }
 }
 
-pub(super) fn sdo_transfer(transfer: &SdoTransfer, fields: &mut dyn Fields) {
+pub(super) fn sdo_transfer(transfer: &SdoTransfer, device: &Device, fields: &mut dyn Fields) {
     fields.field("client", number_or_null(transfer.client));
     fields.open_list("cob_ids");
     fields.field("", FieldValue::Id(transfer.request));
@@ -70,11 +105,20 @@ pub(super) fn sdo_transfer(transfer: &SdoTransfer, fields: &mut dyn Fields) {
     fields.field("data", FieldValue::Bytes(&transfer.data));
     fields.field("duration", transfer.duration.map_or(FieldValue::Null, FieldValue::Seconds));
     fields.field("outcome", FieldValue::Text(transfer.outcome.name()));
+    if let Some(effect) = transfer.effect {
+        fields.field("effective", FieldValue::Text(effect.name()));
+    }
+    if let Some(persists) = transfer.persists {
+        fields.field("persists", FieldValue::Text(persists));
+    }
     if let Some(abort) = transfer.abort {
         fields.open("abort");
         fields.field("code", FieldValue::Code(u64::from(abort.code), 8));
         fields.field("by", FieldValue::Text(if abort.by_client { "client" } else { "server" }));
         fields.field("text", FieldValue::Text(profile::abort_codes().text(abort.code)));
+        if let Some(own) = device.abort(abort.code, transfer.object) {
+            fields.field("device_text", FieldValue::Text(&own.text));
+        }
         fields.close();
     }
     if let Some(crc) = transfer.crc {
@@ -94,17 +138,14 @@ pub(super) fn sdo_transfer(transfer: &SdoTransfer, fields: &mut dyn Fields) {
 /// Name and value of the object, where it is known and the data is whole.
 fn sdo_object(transfer: &SdoTransfer, object: ObjectAddress, fields: &mut dyn Fields) {
     fields.field("object", FieldValue::Object(object));
-    let Some(entry) = profile::communication_objects().find(object) else { return };
-    fields.field("name", FieldValue::Text(&entry.name()));
+    let Some(meaning) = &transfer.meaning else { return };
+    fields.field("name", FieldValue::Text(&meaning.name));
     if transfer.data.is_empty() || transfer.truncated {
         return;
     }
-    let value = entry.decode(&transfer.data);
+    let value = meaning.decode(&transfer.data);
     if !matches!(value, Value::Bytes(_)) {
-        value_field("value", &value, fields);
-        if !entry.unit.is_empty() {
-            fields.field("unit", FieldValue::Text(entry.unit));
-        }
+        meant(meaning, &value, fields);
     }
 }
 

@@ -2,11 +2,14 @@
 
 use crate::event::{EmcyAction, Emergency, EventKind, StateCause};
 use crate::frame::Frame;
+use crate::profile::Device;
+use crate::profile::device::{Boot, Cleared, Order};
+use crate::session::node::{LearntOrder, Node};
 use crate::session::{Bus, Observer};
 use crate::wire::canopen::NmtState;
 use crate::wire::canopen::emcy::{self, ByteOrder, Emcy};
 
-/// Life guard or heartbeat error: by default (object 1029) the device falls back to pre-operational.
+/// Life guard or heartbeat error (CiA 301 §7.2.7.1, table 26), where a device has no code of its own.
 const LIFE_GUARD_ERROR: u16 = 0x8130;
 
 impl Bus {
@@ -15,52 +18,140 @@ impl Bus {
         if !self.is_decoded(frame, out) {
             return;
         }
-        let byte_order = ByteOrder::LsbFirst;
+        let Some(node) = self.node_mut(id) else { return };
+        let (byte_order, byte_order_by) = byte_order(node, frame.data());
         let message = match emcy::parse(frame.data(), byte_order) {
             Ok(message) => message,
             Err(error) => return self.malformed(frame, id, error, "an error code has two bytes", out),
         };
+        // A node that has no boot-up message shows its start here.
+        let starts = node.device.nmt.boot == Boot::ReadyTelegram
+            && (message == Emcy::Ready || node.reset_frame.is_some());
+        let boot = starts.then(|| self.boot_cause(id));
         self.heard(id, frame, out);
         let Some(node) = self.node_mut(id) else { return };
-        let just_booted = std::mem::replace(&mut node.just_booted, false);
+        if starts {
+            node.active_errors.clear();
+        }
         let mut fits = true;
         let (code, register, vendor, vendor_length, action) = match message {
             Emcy::Ready => (None, None, [0; 5], 0, EmcyAction::Ready),
             Emcy::Error { code, register, vendor, vendor_length } => {
-                let action = if code != 0 {
+                let action = if code == 0 { end_of_error(node, register) } else { EmcyAction::Raised };
+                if action == EmcyAction::Raised {
                     fits = node.raise(code);
-                    EmcyAction::Raised
-                } else if just_booted && node.active_errors.is_empty() {
-                    EmcyAction::NoErrorAtBoot
-                } else {
-                    // Which of several errors went the message does not say; the register says whether
-                    // any is left (CiA 301 §7.2.7.1).
-                    let left = register.is_some_and(|register| register != 0);
-                    if !left {
-                        node.active_errors.clear();
-                    }
-                    if left { EmcyAction::Cleared } else { EmcyAction::AllCleared }
-                };
+                }
                 (Some(code), register, vendor, vendor_length, action)
             }
         };
+        let alternative = code.and_then(|code| alternative(&node.device, code));
         let active = u16::try_from(node.active_errors.len()).unwrap_or(u16::MAX);
-        let emergency = Emergency { code, register, vendor, vendor_length, action, active, byte_order };
+        let emergency = Emergency {
+            code,
+            register,
+            vendor,
+            vendor_length,
+            action,
+            active,
+            byte_order,
+            byte_order_by,
+            alternative,
+            boot,
+        };
         self.emit(frame, id, false, EventKind::Emcy(emergency), out);
         if !fits {
             self.emit(frame, id, false, EventKind::Evicted { what: "active error", count: 1 }, out);
         }
-        if code == Some(LIFE_GUARD_ERROR) {
-            self.fall_back(id, frame, out);
+        if let Some(cause) = boot {
+            self.restarted(id, cause, frame, out);
+            self.confirm_state(id, NmtState::PreOperational, StateCause::BootUp, frame, out);
+        }
+        if let Some(code) = code {
+            self.error_moves_nmt(id, code, frame, out);
+            self.device_saw_emcy(id, code, frame, out);
         }
     }
 
-    /// A communication error takes an operational node to pre-operational, presumably.
-    fn fall_back(&mut self, id: u8, frame: &Frame, out: &mut dyn Observer) {
-        let operational =
-            self.node(id).and_then(|node| node.nmt).is_some_and(|nmt| nmt.state == NmtState::Operational);
-        if operational {
-            self.presume_state(id, NmtState::PreOperational, StateCause::LifeGuard, frame, out);
+    /// A node whose master stopped guarding leaves operational (CiA 301 §7.2.8.3.2.2, object 1029); some
+    /// errors of a device do so by its manual.
+    fn error_moves_nmt(&mut self, id: u8, code: u16, frame: &Frame, out: &mut dyn Observer) {
+        let Some(node) = self.node(id) else { return };
+        let is_life_guard = code == node.device.monitoring.life_guard_emcy.unwrap_or(LIFE_GUARD_ERROR);
+        let to = match node.device.error(code) {
+            Some(error) => error.nmt.map(|nmt| nmt.state()),
+            None => is_life_guard.then_some(NmtState::PreOperational),
+        };
+        let operational = node.nmt.is_some_and(|nmt| nmt.state == NmtState::Operational);
+        let cause = if is_life_guard { StateCause::LifeGuard } else { StateCause::Emcy };
+        if let Some(to) = to.filter(|_| operational) {
+            self.presume_state(id, to, cause, frame, out);
         }
     }
+}
+
+/// What code 0000 says.
+fn end_of_error(node: &mut Node, register: Option<u8>) -> EmcyAction {
+    let just_booted = std::mem::replace(&mut node.just_booted, false);
+    if just_booted && node.active_errors.is_empty() {
+        return EmcyAction::NoErrorAtBoot;
+    }
+    // Which of several errors went the message does not say; the register says whether any is left
+    // (CiA 301 §7.2.7.1), unless the device sends 0000 only when all are gone.
+    let all_gone =
+        node.device.emcy.cleared == Cleared::AllGone || register.is_none_or(|register| register == 0);
+    if all_gone {
+        node.active_errors.clear();
+        EmcyAction::AllCleared
+    } else {
+        EmcyAction::Cleared
+    }
+}
+
+/// The order in which the device sends its codes, and what tells it.
+///
+/// An object that decides and was seen is believed. Where it was not, or may have changed at a restart,
+/// the first code that only one order makes a code of the device tells.
+fn byte_order(node: &mut Node, data: &[u8]) -> (ByteOrder, &'static str) {
+    let Some(order) = &node.device.emcy.byte_order else { return (ByteOrder::LsbFirst, "standard") };
+    let Order::ByObject { object, .. } = order else { return (order.of(None), "profile") };
+    let known = node.store.get(object.object);
+    let value = node.store.number(object.object).and_then(|value| i64::try_from(value).ok());
+    let stated = order.of(value);
+    if known.is_some_and(|entry| !entry.stale) {
+        return (stated, "wire");
+    }
+    if let Some(LearntOrder(learnt)) = node.emcy_order {
+        return (learnt, "learnt");
+    }
+    let other = opposite(stated);
+    if !is_code(&node.device, data, stated) && is_code(&node.device, data, other) {
+        node.emcy_order = Some(LearntOrder(other));
+        return (other, "learnt");
+    }
+    if is_code(&node.device, data, stated) {
+        node.emcy_order = Some(LearntOrder(stated));
+    }
+    (stated, if known.is_some() { "presumed" } else { "profile" })
+}
+
+const fn opposite(order: ByteOrder) -> ByteOrder {
+    match order {
+        ByteOrder::LsbFirst => ByteOrder::MsbFirst,
+        ByteOrder::MsbFirst => ByteOrder::LsbFirst,
+    }
+}
+
+/// Whether a message holds a code of the device other than 0000, read in this order.
+fn is_code(device: &Device, data: &[u8], order: ByteOrder) -> bool {
+    match emcy::parse(data, order) {
+        Ok(Emcy::Error { code, .. }) => code != 0 && device.error(code).is_some(),
+        _ => false,
+    }
+}
+
+/// The code the other byte order would give, where the device knows that one and not this.
+fn alternative(device: &Device, code: u16) -> Option<u16> {
+    let other = code.swap_bytes();
+    let only_other = device.error(code).is_none() && device.error(other).is_some() && code != 0;
+    only_other.then_some(other)
 }

@@ -1,6 +1,6 @@
 //! Heartbeat, boot-up, node guarding: who is alive.
 
-use crate::event::{BootCause, EventKind, PowerSign, Silence, StateCause};
+use crate::event::{EventKind, PowerSign, Silence, StateCause};
 use crate::frame::{Frame, FrameFlags};
 use crate::session::timers::Subject;
 use crate::session::{Bus, Observer};
@@ -61,18 +61,10 @@ impl Bus {
 
     fn on_boot_up(&mut self, id: u8, frame: &Frame, out: &mut dyn Observer) {
         self.take_node_id(id, frame, out);
-        // A reset of all also means a node of which nothing was heard since.
-        let before = self.node(id).map_or(0, |node| node.last_frame);
-        let reset_of_all = self.reset_all.filter(|reset| *reset > before);
+        let cause = self.boot_cause(id);
         self.heard(id, frame, out);
-        let sign = self.power_sign(id);
+        let lost = self.settings_lost(id);
         let Some(node) = self.node_mut(id) else { return };
-        let cause = match node.reset_frame.take().or(reset_of_all) {
-            Some(reset) => BootCause::Commanded { frame: reset },
-            None => BootCause::PresumedPowerOn { sign },
-        };
-        node.boots = node.boots.saturating_add(1);
-        node.just_booted = true;
         node.active_errors.clear();
         node.guarding.toggle = None;
         node.guarding.is_open = false;
@@ -80,16 +72,13 @@ impl Bus {
         node.heartbeat.last = None;
         node.heartbeat.intervals = [0; 4];
         node.heartbeat.deadline = None;
-        self.emit(frame, id, false, EventKind::BootUp { cause }, out);
-        if matches!(cause, BootCause::PresumedPowerOn { .. }) {
-            self.last_boot = Some((self.clock.now(), id));
-        }
-        self.forget_unsaved(id);
+        self.emit(frame, id, false, EventKind::BootUp { cause, lost }, out);
+        self.restarted(id, cause, frame, out);
         self.confirm_state(id, NmtState::PreOperational, StateCause::BootUp, frame, out);
     }
 
     /// What makes a power-on of the machine likelier than a restart of this node alone.
-    fn power_sign(&self, id: u8) -> Option<PowerSign> {
+    pub(in crate::session) fn power_sign(&self, id: u8) -> Option<PowerSign> {
         if !self.clock.runs() {
             return None;
         }

@@ -1,18 +1,17 @@
 //! What an object tells of the bus: COB-IDs, PDO mappings, timers, SDO channels.
 
-use std::sync::Arc;
-
-use crate::event::{EventKind, ObjectChange};
-use crate::frame::{CanId, Frame};
+use crate::frame::CanId;
 use crate::profile::PdoName;
+use crate::session::Bus;
 use crate::session::routes::Service;
-use crate::session::store::{Origin, OriginKind};
-use crate::session::{Bus, Observer};
 use crate::wire::canopen::ObjectAddress;
 
 /// Bit 31 of a PDO's COB-ID: it does not exist. Bit 29 of any COB-ID: it has 29 bits.
 const INVALID: u64 = 1 << 31;
 const EXTENDED: u64 = 1 << 29;
+
+/// Default identifier of SYNC (CiA 301 §7.5.2.5).
+const SYNC: u64 = 0x80;
 
 /// The identifier in a COB-ID object; `None` while it is marked invalid.
 #[expect(clippy::cast_possible_truncation, reason = "masked to the identifier's width")]
@@ -24,40 +23,10 @@ fn identifier(cob_id: u64) -> Option<CanId> {
 }
 
 impl Bus {
-    /// Puts a value seen in a confirmed transfer into the store and lets it take effect.
-    pub(super) fn learn_object(
-        &mut self,
-        id: u8,
-        address: ObjectAddress,
-        value: &[u8],
-        kind: OriginKind,
-        frame: &Frame,
-        out: &mut dyn Observer,
-    ) {
-        let origin = Origin { kind, frame: frame.number, time: frame.time };
-        let Some(node) = self.node_mut(id) else { return };
-        if kind == OriginKind::Download {
-            // "save" to 1010 keeps all parameters over a restart; any later write is unsaved again.
-            node.saved = address.index == 0x1010 && value == b"save";
-        }
-        let Ok(before) = Arc::make_mut(&mut node.store).set(address, value, origin) else {
-            let kind = EventKind::Evicted { what: "object", count: 1 };
-            return self.emit(frame, id, false, kind, out);
-        };
-        let changed = before.as_ref().is_none_or(|before| before.value != value);
-        if changed && kind == OriginKind::Download {
-            let from = before.map(|before| before.value);
-            let change = ObjectChange { object: address, from, to: value.to_vec(), origin: kind.name() };
-            self.emit(frame, id, true, EventKind::ObjectChange(Box::new(change)), out);
-        }
-        self.take_effect(id, address);
-        self.say_refused(frame, out);
-    }
-
     pub(in crate::session) fn take_effect(&mut self, id: u8, address: ObjectAddress) {
         let Some(number) = self.number(id, address) else { return };
         match (address.index, address.sub) {
-            (0x1005, 0) => self.route_to(Service::Sync, number & !0xC000_0000),
+            (0x1005, 0) => self.own_sync(id, number),
             (0x1012, 0) => self.route_to(Service::Time, number & !0xC000_0000),
             (0x1014, 0) => self.route_to(Service::Emcy(id), number),
             (0x1017, 0) => self.heartbeat_time(id, number),
@@ -144,13 +113,40 @@ impl Bus {
         }
     }
 
-    /// A node booted: what it was told and did not save may be gone.
-    pub(super) fn forget_unsaved(&mut self, id: u8) {
-        let Some(node) = self.node_mut(id) else { return };
-        if node.saved || node.store().is_empty() {
-            return;
+    /// An object fell back to something unknown: identifiers and times are the default ones again.
+    pub(in crate::session) fn forget_effect(&mut self, id: u8, address: ObjectAddress) {
+        match (address.index, address.sub) {
+            (0x1005, 0) => self.own_sync(id, SYNC),
+            (0x1014, 0) => self.forget_route(Service::Emcy(id)),
+            (0x1017, 0) => {
+                if let Some(node) = self.node_mut(id) {
+                    node.heartbeat.configured = None;
+                }
+            }
+            (0x1400..=0x1BFF, 1) => {
+                if let Some(name) = PdoName::of_parameter(address.index) {
+                    self.forget_route(Service::Pdo(name, id));
+                }
+            }
+            _ => {}
         }
-        Arc::make_mut(&mut node.store).mark_stale();
-        self.routes.refresh_pdos_of(id);
+    }
+
+    fn forget_route(&mut self, service: Service) {
+        if let Some(old) = self.routes.learnt_id(service) {
+            let default = self.default_service(old);
+            self.routes.forget(old, service, default);
+        }
+    }
+
+    /// The SYNC a node obeys; others may obey another one, so none is given up.
+    fn own_sync(&mut self, id: u8, cob_id: u64) {
+        let Some(sync) = identifier(cob_id & !0xC000_0000) else { return };
+        if let Some(node) = self.node_mut(id) {
+            node.sync = sync;
+        }
+        if sync.number() != 0 && self.default_service(sync) != Service::Sync {
+            self.routes.learn(sync, Service::Sync);
+        }
     }
 }

@@ -2,6 +2,7 @@
 
 mod emcy;
 mod error_control;
+mod layout;
 mod learn;
 mod lss;
 mod nmt;

@@ -5,6 +5,7 @@
 
 use crate::event::{Certainty, Event, EventKind, StateCause, StateChange};
 use crate::frame::Frame;
+use crate::session::device::Restart;
 use crate::session::node::NmtStatus;
 use crate::session::{Bus, Observer};
 use crate::wire::canopen::NmtState;
@@ -20,6 +21,14 @@ const fn state_after(service: NmtService) -> Option<NmtState> {
         NmtService::EnterPreOperational => Some(NmtState::PreOperational),
         NmtService::ResetNode | NmtService::ResetCommunication => Some(NmtState::Initialising),
         NmtService::Unknown(_) => None,
+    }
+}
+
+/// How thoroughly a reset starts a node anew.
+const fn restart(service: NmtService) -> Restart {
+    match service {
+        NmtService::ResetCommunication => Restart::Communication,
+        _ => Restart::Node,
     }
 }
 
@@ -52,20 +61,20 @@ impl Bus {
         self.emit(frame, if command.target <= 127 { command.target } else { 0 }, false, kind, out);
         let Some(to) = to else { return };
         if command.target == 0 && to == NmtState::Initialising {
-            self.reset_all = Some(frame.number);
+            self.reset_all = Some((frame.number, restart(command.service)));
         }
         let targets = if command.target == 0 { 1..=127 } else { command.target..=command.target };
         for id in targets {
             if command.target != 0 || self.node(id).is_some() {
-                self.command(id, to, frame, out);
+                self.command(id, command.service, to, frame, out);
             }
         }
     }
 
-    fn command(&mut self, id: u8, to: NmtState, frame: &Frame, out: &mut dyn Observer) {
+    fn command(&mut self, id: u8, service: NmtService, to: NmtState, frame: &Frame, out: &mut dyn Observer) {
         let Some(node) = self.node_mut(id) else { return };
         if to == NmtState::Initialising {
-            node.reset_frame = Some(frame.number);
+            node.reset_frame = Some((frame.number, restart(service)));
             // A node that resets sends no heartbeat until it has booted.
             node.heartbeat.deadline = None;
             node.heartbeat.last = None;
@@ -73,6 +82,7 @@ impl Bus {
             node.guarding.toggle = None;
         }
         self.presume_state(id, to, StateCause::Command, frame, out);
+        self.device_saw_nmt(id, service, frame, out);
     }
 
     /// Notes a state nobody confirmed.

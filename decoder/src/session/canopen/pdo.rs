@@ -2,15 +2,13 @@
 
 use std::sync::Arc;
 
+use super::layout::layout;
 use crate::event::{Event, EventKind, FrameRange, Pdo, Protocol};
 use crate::frame::{Frame, FrameFlags, MAX_DATA};
-use crate::profile::{DataType, Field, Layout, PdoDirection, PdoName, communication_objects};
-use crate::session::{Bus, Observer, OriginKind, Store};
-use crate::wire::canopen::ObjectAddress;
+use crate::profile::{PdoDirection, PdoName};
+use crate::session::{Bus, Observer};
 
 /// Entries of a mapping parameter (CiA 301 §7.5.2.36); each can be a single bit.
-const MOST_ENTRIES: u64 = 64;
-
 impl Bus {
     #[inline]
     pub(in crate::session) fn on_pdo(
@@ -74,7 +72,7 @@ impl Bus {
             is_request: frame.flags.contains(FrameFlags::REMOTE),
             length: frame.length,
             bytes,
-            layout: self.node(id).and_then(|node| layout(node.store(), name)).map(Arc::new),
+            layout: self.node(id).and_then(|node| layout(node, name)).map(Arc::new),
         };
         let event = Event {
             time: frame.time,
@@ -118,46 +116,5 @@ fn copy_payload(bytes: &mut [u8; MAX_DATA], frame: &Frame) {
         }
     } else {
         *bytes = frame.bytes;
-    }
-}
-
-/// The layout the mapping parameter in the store describes; `None` unless all of it is known.
-pub(super) fn layout(store: &Store, name: PdoName) -> Option<Layout> {
-    let index = name.mapping_index();
-    let count_entry = store.get(ObjectAddress::new(index, 0))?;
-    let count = store.number(ObjectAddress::new(index, 0))?;
-    if count == 0 || count > MOST_ENTRIES {
-        return None;
-    }
-    let origin = if count_entry.origin.kind == OriginKind::BusFile { "bus-file" } else { "wire" };
-    let mut layout = Layout { fields: Vec::new(), bits: 0, origin, assumed: count_entry.stale };
-    for sub in 1..=u8::try_from(count).ok()? {
-        let address = ObjectAddress::new(index, sub);
-        let mapping = store.number(address)?;
-        layout.assumed |= store.get(address)?.stale;
-        // Bits 31..16 index, 15..8 sub-index, 7..0 length in bits (CiA 301 figure 70).
-        let [bits, sub, low, high, ..] = mapping.to_le_bytes();
-        let object = ObjectAddress::new(u16::from_le_bytes([low, high]), sub);
-        let bits = u16::from(bits);
-        let end = layout.bits.checked_add(bits)?;
-        // Indexes up to 0x1F are data types: dummies that only take room (CiA 301 §7.4.7.1).
-        if object.index > 0x1F && (1..=64).contains(&bits) {
-            layout.fields.push(field(object, layout.bits, bits));
-        }
-        layout.bits = end;
-    }
-    Some(layout)
-}
-
-fn field(object: ObjectAddress, bit: u16, bits: u16) -> Field {
-    let known = communication_objects().find(object);
-    let data_type = known.and_then(|entry| entry.data_type).filter(|known| known.bits() == Some(bits));
-    Field {
-        object,
-        name: known.map(|entry| entry.name()),
-        bit,
-        bits,
-        data_type: data_type.unwrap_or(DataType::unsigned(bits)),
-        is_typed: data_type.is_some(),
     }
 }

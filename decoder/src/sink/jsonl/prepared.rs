@@ -229,7 +229,7 @@ mod tests {
     use super::super::{Jsonl, write_line};
     use super::*;
     use crate::frame::{BusIndex, Frame};
-    use crate::profile::{DataType, Field, Layout, PdoDirection};
+    use crate::profile::{DataType, Field, Layout, Meaning, PdoDirection};
     use crate::session::SessionOptions;
     use crate::wire::canopen::ObjectAddress;
 
@@ -247,14 +247,14 @@ mod tests {
     fn layout() -> Arc<Layout> {
         let field = |bit, bits, data_type| Field {
             object: ObjectAddress::new(0x6041, 0),
-            name: Some("Statusword".into()),
+            meaning: Some(Arc::new(Meaning { name: "Statusword".into(), ..Meaning::default() })),
             bit,
             bits,
             data_type,
             is_typed: true,
         };
         let fields = vec![field(0, 16, DataType::Unsigned16), field(16, 32, DataType::Real32)];
-        Arc::new(Layout { fields, bits: 48, origin: "wire", assumed: true })
+        Arc::new(Layout { fields, bits: 48, origin: "wire", assumed: true, depends: Vec::new() })
     }
 
     fn pdo() -> impl Strategy<Value = EventKind> {

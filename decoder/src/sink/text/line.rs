@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::{Tone, emcy, pdo, sdo};
+use super::{Tone, device, emcy, pdo, sdo};
 use crate::event::{
     BootCause, Certainty, Event, EventKind, FrameRange, PowerSign, Silence, StateCause, StateChange,
     Undecoded,
@@ -84,9 +84,9 @@ fn words(event: &Event, bus: &Bus) -> Words {
             Words { who: format!("master→{to_whom}"), kind: "NMT", what, tone: Tone::Plain }
         }
         EventKind::NmtState(change) => words("STATE", state(change), Tone::Plain),
-        EventKind::BootUp { cause } => {
-            let expected = matches!(cause, BootCause::Commanded { .. });
-            words("BOOT", boot_up(*cause), if expected { Tone::Good } else { Tone::Caution })
+        EventKind::BootUp { cause, lost } => {
+            let expected = matches!(cause, BootCause::Commanded { .. }) && *lost == 0;
+            words("BOOT", boot_up(*cause, *lost), if expected { Tone::Good } else { Tone::Caution })
         }
         EventKind::Heartbeat { state: Some(state), .. } => words("HB", state.name().into(), Tone::Quiet),
         EventKind::Heartbeat { state: None, code } => {
@@ -119,11 +119,31 @@ fn words(event: &Event, bus: &Bus) -> Words {
             words("ID", format!("node-ID {from}{to} in force, set by {by}"), Tone::Caution)
         }
         EventKind::ObjectChange(change) => {
-            let from = change.from.as_deref().map_or("?".into(), bytes);
-            words("OBJ", format!("{} {from} → {}", change.object, bytes(&change.to)), Tone::Quiet)
+            let shown = |value: &Option<Vec<u8>>| value.as_deref().map_or("?".into(), bytes);
+            let what = format!("{} {} → {}", change.object, shown(&change.from), shown(&change.to));
+            match change.origin {
+                "restart" => words("OBJ", format!("{what} in force since the restart"), Tone::Plain),
+                "reset" => words("OBJ", format!("{what}, not kept over the restart"), Tone::Plain),
+                _ => words("OBJ", what, Tone::Quiet),
+            }
         }
+        EventKind::NodeIdentified(node) => words(
+            "IDENT",
+            format!("is {} ({}), told by its {}", node.title, node.device, node.by),
+            Tone::Good,
+        ),
+        EventKind::DeviceState(state) => said(who, device::state(state)),
+        EventKind::BitsChanged(bits) => said(who, device::bits(bits)),
+        EventKind::SetPoint(point) => said(who, device::set_point(point)),
+        EventKind::Mode(mode) => said(who, device::mode(mode)),
+        EventKind::Procedure(procedure) => said(who, device::procedure(procedure)),
+        EventKind::Conflict(conflict) => said(who, device::conflict(conflict)),
         _ => bus_words(event, words),
     }
+}
+
+fn said(who: String, (kind, what, tone): device::Said) -> Words {
+    Words { who, kind, what, tone }
 }
 
 /// Kinds that are about bus and capture rather than a node.
@@ -230,9 +250,16 @@ pub(super) fn push_frames(frames: FrameRange, out: &mut Vec<u8>) {
     out.push(b'}');
 }
 
-fn boot_up(cause: BootCause) -> String {
+fn boot_up(cause: BootCause, lost: u32) -> String {
+    let settings = match lost {
+        0 => String::new(),
+        1 => "; 1 setting gone that was not kept".into(),
+        _ => format!("; {lost} settings gone that were not kept"),
+    };
     let sign = match cause {
-        BootCause::Commanded { frame } => return format!("boot-up, reset was commanded {{{frame}}}"),
+        BootCause::Commanded { frame } => {
+            return format!("boot-up, reset was commanded {{{frame}}}{settings}");
+        }
         BootCause::PresumedPowerOn { sign } => sign,
     };
     let why = match sign {
@@ -240,7 +267,7 @@ fn boot_up(cause: BootCause) -> String {
         Some(PowerSign::OtherNodesToo) => "power-on, other nodes booted too",
         Some(PowerSign::BusWasSilent) => "power-on, the bus was silent before",
     };
-    format!("boot-up, no NMT reset before → {why}")
+    format!("boot-up, no NMT reset before → {why}{settings}")
 }
 
 fn state(change: &StateChange) -> String {
@@ -251,7 +278,8 @@ fn state(change: &StateChange) -> String {
         StateCause::Heartbeat => "heartbeat",
         StateCause::GuardReply => "guarding reply",
         StateCause::Pdo => "its PDO",
-        StateCause::LifeGuard => "EMCY 8130",
+        StateCause::LifeGuard => "life guarding",
+        StateCause::Emcy => "EMCY",
     };
     match (change.certainty, change.from, change.after) {
         (Certainty::Presumed, from, _) => {
@@ -326,7 +354,7 @@ pub(super) fn millis(nanoseconds: i64) -> String {
     format!("{}.{}", micros / 1_000, micros % 1_000 / 100)
 }
 
-fn seconds(nanoseconds: i64) -> String {
+pub(super) fn seconds(nanoseconds: i64) -> String {
     let millis = nanoseconds.unsigned_abs() / 1_000_000;
     format!("{}.{:03}", millis / 1_000, millis % 1_000)
 }

@@ -8,6 +8,7 @@
 //! `?` behind a value or state marks what is presumed. Repetitions are left out unless asked for.
 
 mod detail;
+mod device;
 mod emcy;
 mod line;
 mod pdo;

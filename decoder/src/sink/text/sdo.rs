@@ -22,8 +22,8 @@ pub(super) fn words(transfer: &SdoTransfer, event: &Event, bus: &Bus) -> Words {
     match object {
         Some(object) => {
             let _ = write!(what, "{object}");
-            if let Some(entry) = profile::communication_objects().find(object) {
-                let _ = write!(what, " {}", entry.name());
+            if let Some(meaning) = &transfer.meaning {
+                let _ = write!(what, " {}", meaning.name);
             }
         }
         None => what.push_str("object not seen"),
@@ -39,11 +39,10 @@ pub(super) fn words(transfer: &SdoTransfer, event: &Event, bus: &Bus) -> Words {
 
 /// ` = 500 ms → 1000 ms`.
 fn value(transfer: &SdoTransfer) -> String {
-    let entry = transfer.object.and_then(|object| profile::communication_objects().find(object));
-    let show = |data: &[u8]| match entry {
-        Some(entry) => match entry.decode(data) {
+    let show = |data: &[u8]| match &transfer.meaning {
+        Some(meaning) => match meaning.decode(data) {
             Value::Bytes(data) => unknown(&data),
-            known => entry.show(&known),
+            known => meaning.show(&known),
         },
         None => unknown(data),
     };

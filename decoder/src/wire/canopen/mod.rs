@@ -56,7 +56,7 @@ impl fmt::Display for NmtState {
 }
 
 /// Address of an object dictionary entry.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ObjectAddress {
     /// Index, 0..=0xFFFF.
     pub index: u16,

@@ -9,12 +9,15 @@ mod channel;
 mod channels;
 mod transfer;
 
+use std::sync::Arc;
+
 pub(in crate::session) use channels::Channels;
 use transfer::Transfer;
 
 use super::super::store::OriginKind;
 use crate::event::{Direction, EventKind, Outcome, SdoTransfer};
 use crate::frame::Frame;
+use crate::profile::{Effect, Storage};
 use crate::session::timers::Subject;
 use crate::session::{Bus, Observer};
 use crate::wire::Malformed;
@@ -126,12 +129,27 @@ impl Bus {
         }
     }
 
+    /// When a write acts and whether it stays, where the device's profile tells.
+    fn consequence(&self, server: u8, transfer: &Transfer) -> (Option<Effect>, Option<&'static str>) {
+        let is_write =
+            transfer.direction == Some(Direction::Download) && transfer.outcome == Outcome::Complete;
+        let object = transfer.object.filter(|_| is_write);
+        let entry = object.and_then(|object| self.node(server)?.device().dictionary.find(object)?.entry);
+        let effect = entry.map(|entry| entry.effect).filter(|effect| *effect != Effect::Unknown);
+        let storage = entry.map(|entry| entry.storage).filter(|storage| *storage != Storage::Unknown);
+        (effect, storage.map(Storage::persists))
+    }
+
     /// The transfer as an event; its data moves there.
     fn describe(&self, server: u8, transfer: &mut Transfer) -> SdoTransfer {
         let (request, response) =
             self.channel_ids(transfer.channel).unwrap_or((Frame::EMPTY.id, Frame::EMPTY.id));
         let previous = transfer.object.and_then(|object| self.node(server)?.store().get(object));
+        let (effect, persists) = self.consequence(server, transfer);
         SdoTransfer {
+            meaning: transfer.object.and_then(|object| self.meaning(server, object)).map(Arc::new),
+            effect,
+            persists,
             request,
             response,
             client: self.channels.client(transfer.channel),

@@ -1,0 +1,276 @@
+//! The entries of an object dictionary as TOML, and what they become.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::sync::Arc;
+
+use serde::Deserialize;
+use serde::de::{Deserializer, SeqAccess, Visitor};
+use toml::Spanned;
+
+use super::data_type::DataType;
+use super::dictionary::{Entry, Object};
+use super::object::{
+    Access, BitNames, Effect, Format, Given, Look, Names, ONCE, Only, Repeat, Role, Scale, Shared, Storage,
+    When,
+};
+use super::reference::{ObjectRange, Reference};
+
+/// What is wrong, and where in the text.
+pub(super) type Wrong = (Range<usize>, String);
+
+/// An object, a sub-entry or a meaning by mode: every key any of them may have.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Authored {
+    index: Option<u16>,
+    repeat: Option<Repeat>,
+    sub: Sub,
+    to: Option<u8>,
+    when: Option<When>,
+    name: Option<String>,
+    #[serde(rename = "type")]
+    data_type: Option<DataType>,
+    access: Option<Access>,
+    format: Option<Format>,
+    unit: Option<Spanned<String>>,
+    scale: Option<Scale>,
+    offset: Option<f64>,
+    decimals: Option<u8>,
+    range: Option<[i64; 2]>,
+    limits: Option<[f64; 2]>,
+    default: Option<Given>,
+    values: Option<Spanned<Shared<Names>>>,
+    special: Option<Spanned<Shared<Names>>>,
+    bits: Option<Spanned<Shared<Vec<super::object::BitName>>>>,
+    role: Option<Role>,
+    of: Option<Reference>,
+    short: Option<String>,
+    storage: Option<Storage>,
+    save: Option<Reference>,
+    effect: Option<Effect>,
+    invalidates: Vec<ObjectRange>,
+    channel: Option<u8>,
+    modes: Vec<Spanned<Authored>>,
+    only: Only,
+    source: Option<String>,
+    note: Option<String>,
+}
+
+/// `sub`: a number in a sub-entry, the list of them in an object.
+#[derive(Debug, Clone, Default)]
+enum Sub {
+    #[default]
+    None,
+    Number(u8),
+    List(Vec<Spanned<Authored>>),
+}
+
+impl<'de> Deserialize<'de> for Sub {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct NumberOrList;
+        impl<'de> Visitor<'de> for NumberOrList {
+            type Value = Sub;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("a sub-index, or the list of sub-entries")
+            }
+
+            fn visit_i64<E: serde::de::Error>(self, number: i64) -> Result<Sub, E> {
+                u8::try_from(number).map(Sub::Number).map_err(|_| E::custom("a sub-index is 0 to 255"))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Sub, A::Error> {
+                let mut all = Vec::new();
+                while let Some(entry) = list.next_element()? {
+                    all.push(entry);
+                }
+                Ok(Sub::List(all))
+            }
+        }
+        deserializer.deserialize_any(NumberOrList)
+    }
+}
+
+/// Tables that entries name.
+#[derive(Debug, Default)]
+pub(super) struct Tables {
+    pub(super) values: BTreeMap<String, Arc<Names>>,
+    pub(super) bits: BTreeMap<String, Arc<BitNames>>,
+}
+
+impl Tables {
+    fn values(&self, shared: &Spanned<Shared<Names>>) -> Result<Arc<Names>, Wrong> {
+        match shared.get_ref() {
+            Shared::Here(names) => Ok(Arc::new(names.clone())),
+            Shared::Named(name) => self.values.get(name).cloned().ok_or_else(|| {
+                (shared.span(), format!("there is no table [values.{name}]{}", known(self.values.keys())))
+            }),
+        }
+    }
+
+    fn bits(&self, shared: &Spanned<Shared<Vec<super::object::BitName>>>) -> Result<Arc<BitNames>, Wrong> {
+        match shared.get_ref() {
+            Shared::Here(list) => Ok(Arc::new(BitNames { list: list.clone() })),
+            Shared::Named(name) => self.bits.get(name).cloned().ok_or_else(|| {
+                (shared.span(), format!("there is no table [bits.{name}]{}", known(self.bits.keys())))
+            }),
+        }
+    }
+}
+
+/// `, only: a, b`.
+fn known<'a>(names: impl Iterator<Item = &'a String>) -> String {
+    let names: Vec<_> = names.map(String::as_str).collect();
+    if names.is_empty() { String::new() } else { format!(", only: {}", names.join(", ")) }
+}
+
+/// All objects of a file; what is wrong with any of them goes to `wrong`.
+pub(super) fn objects(list: Vec<Spanned<Authored>>, tables: &Tables, wrong: &mut Vec<Wrong>) -> Vec<Object> {
+    let mut objects = Vec::with_capacity(list.len());
+    for authored in list {
+        let span = authored.span();
+        match object(authored.into_inner(), span, tables) {
+            Ok(object) => objects.push(object),
+            Err(error) => wrong.push(error),
+        }
+    }
+    objects
+}
+
+fn object(mut authored: Authored, span: Range<usize>, tables: &Tables) -> Result<Object, Wrong> {
+    let here = |message: &str| (span.clone(), message.to_owned());
+    let index = authored.index.take().ok_or_else(|| here("an object needs its index"))?;
+    let repeat = authored.repeat.take().unwrap_or(ONCE);
+    let name = authored.name.clone().ok_or_else(|| here("an object needs a name"))?;
+    let last = u32::from(index) + u32::from(repeat.count.saturating_sub(1)) * u32::from(repeat.stride);
+    if repeat.count == 0 || repeat.count > 1 && repeat.stride == 0 || last > 0xFFFF {
+        return Err(here("repeat needs a count and a stride that stay within 0xFFFF"));
+    }
+    let only = authored.only.clone();
+    let source = authored.source.clone().unwrap_or_default();
+    let entries = match std::mem::take(&mut authored.sub) {
+        Sub::Number(_) => return Err(here("sub of an object is the list of its sub-entries")),
+        Sub::None => vec![entry(authored, span.clone(), 0, &source, tables)?],
+        Sub::List(list) => {
+            let strange = authored.stray_key();
+            if let Some(key) = strange {
+                return Err(here(&format!("{key} stands at the sub-entries of an object that has some")));
+            }
+            sub_entries(list, &source, authored.note.as_deref(), tables)?
+        }
+    };
+    let is_record = entries.len() > 1 || entries.first().is_some_and(|entry| entry.sub != 0 || entry.to != 0);
+    Ok(Object { index, repeat, name, entries, is_record, only, source, span })
+}
+
+fn sub_entries(
+    list: Vec<Spanned<Authored>>,
+    source: &str,
+    note: Option<&str>,
+    tables: &Tables,
+) -> Result<Vec<Entry>, Wrong> {
+    let mut entries = Vec::with_capacity(list.len());
+    for authored in list {
+        let span = authored.span();
+        let mut authored = authored.into_inner();
+        let Sub::Number(sub) = authored.sub else {
+            return Err((span, "a sub-entry needs its sub-index: sub = 1".into()));
+        };
+        if authored.index.is_some() || authored.repeat.is_some() {
+            return Err((span, "index and repeat stand at the object".into()));
+        }
+        authored.note = authored.note.or_else(|| note.map(str::to_owned));
+        entries.push(entry(authored, span, sub, source, tables)?);
+    }
+    Ok(entries)
+}
+
+fn entry(
+    mut authored: Authored,
+    span: Range<usize>,
+    sub: u8,
+    source: &str,
+    tables: &Tables,
+) -> Result<Entry, Wrong> {
+    let mut modes = Vec::new();
+    for mode in std::mem::take(&mut authored.modes) {
+        let span = mode.span();
+        let mut mode = mode.into_inner();
+        let when = mode.when.take().ok_or_else(|| {
+            (span.clone(), "a meaning by mode needs when = { object = …, equals = … }".to_owned())
+        })?;
+        if mode.data_type.is_some() || mode.access.is_some() || mode.default.is_some() {
+            return Err((span, "type, access and default do not differ by mode".into()));
+        }
+        modes.push((when, mode.look(tables)?));
+    }
+    let to = authored.to.unwrap_or(sub);
+    if to < sub {
+        return Err((span, format!("sub-indexes {sub} to {to} are none")));
+    }
+    Ok(Entry {
+        sub,
+        to,
+        data_type: authored.data_type,
+        access: authored.access,
+        format: authored.format.unwrap_or_default(),
+        look: authored.look(tables)?,
+        modes,
+        default: authored.default.clone(),
+        storage: authored.storage.unwrap_or_default(),
+        save: authored.save,
+        effect: authored.effect.unwrap_or_default(),
+        invalidates: authored.invalidates.clone(),
+        channel: authored.channel,
+        only: authored.only.clone(),
+        source: authored.source.clone().unwrap_or_else(|| source.to_owned()),
+        note: authored.note.clone().unwrap_or_default(),
+        span,
+    })
+}
+
+impl Authored {
+    /// The keys that may differ by mode.
+    fn look(&self, tables: &Tables) -> Result<Look, Wrong> {
+        if let Some(unit) = &self.unit
+            && !super::lookup::units().contains(unit.get_ref())
+        {
+            return Err((unit.span(), format!("'{}' is no unit of lookups/units.toml", unit.get_ref())));
+        }
+        Ok(Look {
+            name: self.name.clone(),
+            short: self.short.clone(),
+            unit: self.unit.as_ref().map(|unit| unit.get_ref().clone()),
+            scale: self.scale,
+            offset: self.offset,
+            decimals: self.decimals,
+            range: self.range,
+            limits: self.limits,
+            values: self.values.as_ref().map(|values| tables.values(values)).transpose()?,
+            special: self.special.as_ref().map(|values| tables.values(values)).transpose()?,
+            bits: self.bits.as_ref().map(|bits| tables.bits(bits)).transpose()?,
+            role: self.role,
+            of: self.of,
+        })
+    }
+
+    /// A key that an object with sub-entries cannot have.
+    fn stray_key(&self) -> Option<&'static str> {
+        let keys = [
+            ("type", self.data_type.is_some()),
+            ("access", self.access.is_some()),
+            ("unit", self.unit.is_some()),
+            ("scale", self.scale.is_some()),
+            ("range", self.range.is_some()),
+            ("limits", self.limits.is_some()),
+            ("default", self.default.is_some()),
+            ("values", self.values.is_some()),
+            ("bits", self.bits.is_some()),
+            ("storage", self.storage.is_some()),
+            ("effect", self.effect.is_some()),
+            ("modes", !self.modes.is_empty()),
+        ];
+        keys.iter().find(|(_, there)| *there).map(|(key, _)| *key)
+    }
+}

@@ -1,0 +1,309 @@
+//! All profiles by id: those of this program, and those the user brings.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use serde::Deserialize;
+
+use super::device::{Device, Identity, ProfileFile};
+use super::embedded;
+use super::position::TextError;
+
+/// Profiles by id. Those of this program are read when first asked for.
+#[derive(Debug, Default)]
+pub struct Catalogue {
+    user: Vec<UserProfile>,
+    read: Mutex<BTreeMap<String, Arc<Device>>>,
+}
+
+/// A profile the user brought.
+#[derive(Debug)]
+struct UserProfile {
+    id: String,
+    origin: String,
+    identities: Vec<Identity>,
+    content: Content,
+}
+
+#[derive(Debug)]
+enum Content {
+    Text(String),
+    Device(Arc<Device>),
+    Broken(ProfileError),
+}
+
+/// Why there is no such profile.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum ProfileError {
+    /// No profile has that id.
+    #[error("there is no profile '{id}'{}", closest.as_ref().map(|it| format!("; did you mean '{it}'?")).unwrap_or_default())]
+    Unknown {
+        /// What was asked for.
+        id: String,
+        /// The id most like it.
+        closest: Option<String>,
+    },
+    /// It has no such variant.
+    #[error("profile '{id}' has no variant '{variant}', only: {known}")]
+    NoVariant {
+        /// Profile.
+        id: String,
+        /// What was asked for.
+        variant: String,
+        /// What there is.
+        known: String,
+    },
+    /// Its text is wrong.
+    #[error("{}", shown(file, errors))]
+    Broken {
+        /// Where it comes from.
+        file: String,
+        /// What is wrong.
+        errors: Vec<TextError>,
+    },
+}
+
+fn shown(file: &str, errors: &[TextError]) -> String {
+    errors.iter().map(|error| error.show(file)).collect::<Vec<_>>().join("\n")
+}
+
+/// What a node said of itself.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Introduction {
+    /// 1018:01.
+    pub vendor_id: Option<u32>,
+    /// 1018:02.
+    pub product_code: Option<u32>,
+    /// 1018:03.
+    pub revision: Option<u32>,
+    /// 1000:00.
+    pub device_type: Option<u32>,
+    /// 1008:00.
+    pub device_name: Option<String>,
+}
+
+impl Identity {
+    /// Whether all it asks for is there.
+    pub fn fits(&self, node: &Introduction) -> bool {
+        let same = |wanted: Option<u32>, is: Option<u32>| wanted.is_none() || wanted == is;
+        let asks = self.vendor_id.is_some() || self.device_name.is_some();
+        asks && same(self.vendor_id, node.vendor_id)
+            && same(self.product_code, node.product_code)
+            && same(self.revision, node.revision)
+            && same(self.device_type, node.device_type)
+            && self
+                .device_name
+                .as_deref()
+                .is_none_or(|name| node.device_name.as_deref().is_some_and(|device| device.starts_with(name)))
+    }
+}
+
+/// Folder of the devices of this program.
+const VENDOR: &str = "vendor/";
+
+/// `vendor/rexroth/sydfec.toml` has the id `rexroth-sydfec`, `standard/cia301.toml` the id `cia301`.
+fn id_of(path: &str) -> Option<String> {
+    let stem = path.strip_suffix(".toml")?;
+    match stem.strip_prefix(VENDOR) {
+        Some(device) => Some(device.replace('/', "-")),
+        None => stem.strip_prefix("standard/").map(str::to_owned),
+    }
+}
+
+impl Catalogue {
+    /// Brings a profile as text and gives its id; `origin` names its file in errors. It goes before one of the same id.
+    ///
+    /// # Errors
+    /// Text that cannot be read.
+    pub fn add_text(&mut self, origin: &str, text: &str) -> Result<String, ProfileError> {
+        let broken = |errors| ProfileError::Broken { file: origin.to_owned(), errors };
+        let file = ProfileFile::parse(text).map_err(broken)?;
+        let id = file.id().to_owned();
+        self.user.push(UserProfile {
+            id: id.clone(),
+            origin: origin.to_owned(),
+            identities: identities(text),
+            content: Content::Text(text.to_owned()),
+        });
+        Ok(id)
+    }
+
+    /// Remembers a profile that cannot be read, for when a node wants it.
+    pub fn add_broken(&mut self, id: &str, error: ProfileError) {
+        self.user.push(UserProfile {
+            id: id.to_owned(),
+            origin: String::new(),
+            identities: Vec::new(),
+            content: Content::Broken(error),
+        });
+    }
+
+    /// Brings a device that was read elsewhere: of an EDS, DCF or XDD file.
+    pub fn add_device(&mut self, origin: &str, device: Device) {
+        self.user.push(UserProfile {
+            id: device.id.clone(),
+            origin: origin.to_owned(),
+            identities: device.identities.clone(),
+            content: Content::Device(Arc::new(device)),
+        });
+    }
+
+    /// Whether the user brought a profile of this id, and from where.
+    pub fn brought(&self, id: &str) -> Option<&str> {
+        self.user.iter().rev().find(|user| user.id == id).map(|user| user.origin.as_str())
+    }
+
+    /// Ids of all devices, sorted; standards are not among them.
+    pub fn ids(&self) -> Vec<String> {
+        let bundled =
+            bundled().filter(|(path, _)| path.starts_with(VENDOR)).filter_map(|(path, _)| id_of(path));
+        let mut ids: Vec<_> = bundled.chain(self.user.iter().map(|user| user.id.clone())).collect();
+        ids.sort();
+        ids.dedup();
+        ids
+    }
+
+    /// The device of an assignment: `rexroth-sydfec`, `wandfluh-md2:controller`.
+    ///
+    /// # Errors
+    /// Unknown ids and variants; profiles that cannot be read.
+    pub fn device(&self, assignment: &str) -> Result<Arc<Device>, ProfileError> {
+        let read = || self.read.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(device) = read().get(assignment) {
+            return Ok(Arc::clone(device));
+        }
+        let device = self.find(assignment, 0)?;
+        read().insert(assignment.to_owned(), Arc::clone(&device));
+        Ok(device)
+    }
+
+    fn find(&self, assignment: &str, depth: u8) -> Result<Arc<Device>, ProfileError> {
+        let (id, variant) = match assignment.split_once(':') {
+            Some((id, variant)) => (id, Some(variant)),
+            None => (assignment, None),
+        };
+        let user = self.user.iter().rev().find(|user| user.id == id);
+        let (origin, text) = match user.map(|user| (&user.origin, &user.content)) {
+            Some((_, Content::Device(device))) => return Ok(Arc::clone(device)),
+            Some((_, Content::Broken(error))) => return Err(error.clone()),
+            Some((origin, Content::Text(text))) => (origin.clone(), text.as_str()),
+            None => {
+                let found = bundled().find(|(path, _)| id_of(path).as_deref() == Some(id));
+                let (path, text) = found.ok_or_else(|| self.unknown(id))?;
+                (format!("profiles/{path}"), text)
+            }
+        };
+        let broken = |errors| ProfileError::Broken { file: origin.clone(), errors };
+        let file = ProfileFile::parse(text).map_err(broken)?;
+        if let Some(variant) = variant.filter(|id| !file.variants().iter().any(|known| known.id == **id)) {
+            let known: Vec<_> = file.variants().iter().map(|known| known.id.as_str()).collect();
+            let known = if known.is_empty() { "none".into() } else { known.join(", ") };
+            return Err(ProfileError::NoVariant { id: id.into(), variant: variant.into(), known });
+        }
+        let mut standards = Vec::new();
+        for (name, span) in file.extends() {
+            let standard = if depth < 4 { self.find(name, depth + 1) } else { Err(self.unknown(name)) };
+            let wrong = |error: ProfileError| broken(vec![TextError::at(text, span, error.to_string())]);
+            standards.push(standard.map_err(wrong)?);
+        }
+        Ok(Arc::new(file.device(variant, &standards)))
+    }
+
+    fn unknown(&self, id: &str) -> ProfileError {
+        let closest = self.ids().into_iter().find(|known| {
+            known.contains(id)
+                || id.contains(known.as_str())
+                || known.split('-').any(|part| id.contains(part))
+        });
+        ProfileError::Unknown { id: id.to_owned(), closest }
+    }
+
+    /// Assignments that fit what a node said of itself; more than one is ambiguous.
+    pub fn identify(&self, node: &Introduction) -> Vec<String> {
+        let user = self.user.iter().map(|user| (user.id.clone(), user.identities.clone()));
+        let own = bundled().filter(|(path, _)| path.starts_with(VENDOR)).filter_map(|(path, text)| {
+            let id = id_of(path)?;
+            (self.brought(&id).is_none()).then(|| (id, identities(text)))
+        });
+        let mut all: Vec<String> = Vec::new();
+        for (id, identities) in user.chain(own) {
+            for identity in identities.iter().filter(|identity| identity.fits(node)) {
+                let assignment = match &identity.variant {
+                    Some(variant) => format!("{id}:{variant}"),
+                    None => id.clone(),
+                };
+                if !all.contains(&assignment) {
+                    all.push(assignment);
+                }
+            }
+        }
+        all
+    }
+}
+
+/// Path and text of the profiles of this program.
+fn bundled() -> impl Iterator<Item = (&'static str, &'static str)> {
+    embedded::FILES.iter().map(|(path, text)| (*path, *text))
+}
+
+/// The identities of a profile without reading the rest of it.
+fn identities(text: &str) -> Vec<Identity> {
+    #[derive(Default, Deserialize)]
+    #[serde(default)]
+    struct Part {
+        identity: Vec<Identity>,
+    }
+    let mut all = Vec::new();
+    for (at, _) in text.match_indices("\n[[identity]]") {
+        let part = text.get(at + 1..).unwrap_or_default();
+        let end = part.find("\n[").unwrap_or(part.len());
+        let read: Part = part.get(..end).and_then(|part| toml::from_str(part).ok()).unwrap_or_default();
+        all.extend(read.identity);
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PUMP: &str = "id = \"acme-pump\"\ntitle = \"P\"\nextends = [\"cia301\"]\n\n[[variant]]\nid = \"a\"\n\n\
+        [[variant]]\nid = \"b\"\n\n[[identity]]\nvendor_id = 0x19\nproduct_code = 7\nvariant = \"b\"\n\n\
+        [[object]]\nindex = 0x2000\nname = \"Pressure\"\ntype = \"UNSIGNED16\"\n";
+
+    #[test]
+    fn a_device_with_its_standards_and_variants() {
+        let mut catalogue = Catalogue::default();
+        catalogue.add_text("pump.toml", PUMP).unwrap();
+        let device = catalogue.device("acme-pump").unwrap();
+        assert_eq!((device.full_id.as_str(), device.object_count()), ("acme-pump:a", 1));
+        assert!(device.dictionary.find("1017:00".parse().unwrap()).is_some());
+        assert_eq!(catalogue.device("acme-pump:b").unwrap().variant.as_deref(), Some("b"));
+        let error = catalogue.device("acme-pump:c").unwrap_err();
+        assert_eq!(error.to_string(), "profile 'acme-pump' has no variant 'c', only: a, b");
+        let error = catalogue.device("pump").unwrap_err();
+        assert_eq!(error.to_string(), "there is no profile 'pump'; did you mean 'acme-pump'?");
+    }
+
+    #[test]
+    fn identity_assigns_when_all_of_it_fits() {
+        let mut catalogue = Catalogue::default();
+        catalogue.add_text("pump.toml", PUMP).unwrap();
+        let mut node = Introduction { vendor_id: Some(0x19), ..Introduction::default() };
+        assert!(catalogue.identify(&node).is_empty());
+        node.product_code = Some(7);
+        assert_eq!(catalogue.identify(&node), ["acme-pump:b"]);
+    }
+
+    #[test]
+    fn a_broken_profile_names_its_place() {
+        let mut catalogue = Catalogue::default();
+        let error =
+            catalogue.add_text("x.toml", "id = \"x\"\n[[object]]\nindx = 1\n").unwrap_err().to_string();
+        assert!(error.starts_with("x.toml:3:1: unknown field `indx`"), "{error}");
+        let text = PUMP.replace("[\"cia301\"]", "[\"cia999\"]");
+        catalogue.add_text("x.toml", &text).unwrap();
+        let error = catalogue.device("acme-pump").unwrap_err().to_string();
+        assert!(error.contains("x.toml:3:12: there is no profile 'cia999'"), "{error}");
+    }
+}

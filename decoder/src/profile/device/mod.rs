@@ -1,0 +1,328 @@
+//! A device: everything its manual says that decides what its messages mean.
+//!
+//! `profiles/README.md` shows the format by example.
+
+mod behaviour;
+mod condition;
+mod network;
+mod rule;
+mod sample;
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::sync::Arc;
+
+use serde::Deserialize;
+use toml::Spanned;
+
+pub use behaviour::{
+    EmcyCodes, Fallback, Forced, Gate, Machine, Mapping, Masked, Otherwise, PdoEffect, PdoField, PdoSpec,
+    Procedure, ProcedureStatus, State, StatusCode, StatusCodes, StatusSpec, Step, Transition,
+};
+pub use condition::{Condition, Conditions, Trigger, Wanted};
+pub use network::{
+    AbortText, Area, AtBoot, Boot, Cleared, EmcySpec, ErrorCode, GuardingSpec, HeartbeatSpec, Hint, Identity,
+    IdentityChange, Monitoring, NmtName, NmtSpec, Order, OrderName, Sign, VendorField, Words,
+};
+pub use rule::{DeviceRule, Per, RuleKind, Severity, Waiver};
+pub use sample::Sample;
+
+use super::authored::{self, Authored, Tables, Wrong};
+use super::dictionary::{Dictionary, Object};
+use super::object::{BitNames, Names, Only};
+use super::position::TextError;
+
+/// A profile as its file says it.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct File {
+    id: String,
+    title: String,
+    vendor: String,
+    description: String,
+    source: String,
+    note: String,
+    extends: Vec<Spanned<String>>,
+    variant: Vec<Variant>,
+    identity: Vec<Identity>,
+    hint: Vec<Hint>,
+    object: Vec<Spanned<Authored>>,
+    values: BTreeMap<String, Names>,
+    bits: BTreeMap<String, BitNames>,
+    codes: BTreeMap<String, StatusCodes>,
+    pdo: Vec<Spanned<PdoSpec>>,
+    area: Vec<Area>,
+    emcy: EmcySpec,
+    abort: Vec<AbortText>,
+    nmt: NmtSpec,
+    monitoring: Monitoring,
+    identity_change: IdentityChange,
+    machine: Vec<Spanned<Machine>>,
+    gate: Vec<Spanned<Gate>>,
+    procedure: Vec<Spanned<Procedure>>,
+    rule: Vec<Spanned<DeviceRule>>,
+    waiver: Vec<Waiver>,
+    sample: Vec<Spanned<Sample>>,
+}
+
+/// Products of one manual that differ.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Variant {
+    /// Behind the colon of an assignment.
+    pub id: String,
+    /// What output calls it.
+    #[serde(default)]
+    pub title: String,
+    /// For the reader.
+    #[serde(default)]
+    pub text: String,
+}
+
+/// One device, one variant of it, with the standards it extends.
+#[derive(Debug, Clone, Default)]
+pub struct Device {
+    /// `rexroth-sydfec`.
+    pub id: String,
+    /// `wandfluh-md2:controller`.
+    pub full_id: String,
+    /// Variant, if the manual describes several.
+    pub variant: Option<String>,
+    /// What output calls it.
+    pub title: String,
+    /// Maker.
+    pub vendor: String,
+    /// What it is.
+    pub description: String,
+    /// The document.
+    pub source: String,
+    /// All variants.
+    pub variants: Vec<Variant>,
+    /// What assigns it.
+    pub identities: Vec<Identity>,
+    /// What suggests it.
+    pub hints: Vec<Hint>,
+    /// Objects.
+    pub dictionary: Dictionary,
+    /// PDOs.
+    pub pdos: Vec<PdoSpec>,
+    /// Areas of the maker's tool.
+    pub areas: Vec<Area>,
+    /// EMCY.
+    pub emcy: EmcySpec,
+    /// SDO aborts.
+    pub aborts: Vec<AbortText>,
+    /// NMT.
+    pub nmt: NmtSpec,
+    /// Monitoring.
+    pub monitoring: Monitoring,
+    /// Node-ID changes.
+    pub identity_change: IdentityChange,
+    /// State machines, one a channel.
+    pub machines: Vec<Machine>,
+    /// Gates, one a channel.
+    pub gates: Vec<Gate>,
+    /// Procedures.
+    pub procedures: Vec<Procedure>,
+    /// What status numbers mean.
+    pub codes: BTreeMap<String, StatusCodes>,
+    /// Statements a capture can violate.
+    pub rules: Vec<DeviceRule>,
+    /// General rules it need not obey.
+    pub waivers: Vec<Waiver>,
+    /// Samples with their place in the file.
+    pub samples: Vec<(Range<usize>, Sample)>,
+    /// PDOs, machines and gates with their places in the file, for checks.
+    pub(super) places: Places,
+}
+
+/// Where in the file things stand.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Places {
+    pub(super) pdos: Vec<Range<usize>>,
+    pub(super) procedures: Vec<Range<usize>>,
+    pub(super) rules: Vec<Range<usize>>,
+    pub(super) gates: Vec<Range<usize>>,
+    pub(super) machines: Vec<Range<usize>>,
+}
+
+/// A profile's text and what was read of it: all variants.
+#[derive(Debug)]
+pub struct ProfileFile {
+    file: File,
+    objects: Arc<Vec<Object>>,
+}
+
+impl ProfileFile {
+    /// Reads the text of a profile.
+    ///
+    /// # Errors
+    /// Text that is no TOML, unknown keys, values that are none; all errors of objects, with place.
+    pub fn parse(text: &str) -> Result<Self, Vec<TextError>> {
+        let mut file: File = toml::from_str(text).map_err(|error| vec![TextError::of_toml(text, &error)])?;
+        let tables = Tables {
+            values: std::mem::take(&mut file.values)
+                .into_iter()
+                .map(|(name, it)| (name, Arc::new(it)))
+                .collect(),
+            bits: std::mem::take(&mut file.bits).into_iter().map(|(name, it)| (name, Arc::new(it))).collect(),
+        };
+        let mut wrong: Vec<Wrong> = Vec::new();
+        let objects = authored::objects(std::mem::take(&mut file.object), &tables, &mut wrong);
+        if !wrong.is_empty() {
+            return Err(wrong
+                .into_iter()
+                .map(|(span, message)| TextError::at(text, span, message))
+                .collect());
+        }
+        Ok(Self { file, objects: Arc::new(objects) })
+    }
+
+    /// Its id.
+    pub fn id(&self) -> &str {
+        &self.file.id
+    }
+
+    /// Standards it extends, with their place in the text.
+    pub fn extends(&self) -> impl DoubleEndedIterator<Item = (&str, Range<usize>)> {
+        self.file.extends.iter().map(|name| (name.get_ref().as_str(), name.span()))
+    }
+
+    /// Its variants; the first is the default.
+    pub fn variants(&self) -> &[Variant] {
+        &self.file.variant
+    }
+
+    /// Its objects, all variants.
+    pub fn objects(&self) -> &Arc<Vec<Object>> {
+        &self.objects
+    }
+
+    /// One variant of the device on top of the standards it extends, given left to right.
+    pub fn device(&self, variant: Option<&str>, standards: &[Arc<Device>]) -> Device {
+        let file = &self.file;
+        let chosen = match variant {
+            Some(id) => file.variant.iter().find(|known| known.id == id),
+            None => file.variant.first(),
+        };
+        let id = chosen.map_or("", |variant| variant.id.as_str());
+        let mut device = Device {
+            id: file.id.clone(),
+            full_id: chosen.map_or_else(|| file.id.clone(), |variant| format!("{}:{}", file.id, variant.id)),
+            variant: chosen.map(|variant| variant.id.clone()),
+            title: chosen
+                .map(|it| it.title.clone())
+                .filter(|it| !it.is_empty())
+                .unwrap_or(file.title.clone()),
+            vendor: file.vendor.clone(),
+            description: file.description.clone(),
+            source: file.source.clone(),
+            variants: file.variant.clone(),
+            identities: file.identity.clone(),
+            hints: file.hint.clone(),
+            areas: file.area.clone(),
+            emcy: file.emcy.clone(),
+            nmt: file.nmt.clone(),
+            monitoring: file.monitoring.clone(),
+            identity_change: file.identity_change.clone(),
+            codes: file.codes.clone(),
+            ..Device::default()
+        };
+        device.dictionary.layers.push(self.objects_of(id));
+        device.emcy.code.retain(|code| code.only.allows(id));
+        device.aborts = file.abort.iter().filter(|abort| abort.only.allows(id)).cloned().collect();
+        device.waivers = file.waiver.iter().filter(|waiver| waiver.only.allows(id)).cloned().collect();
+        self.add_behaviour(&mut device, id);
+        for standard in standards.iter().rev() {
+            device.extend(standard);
+        }
+        device
+    }
+
+    /// The objects of one variant.
+    fn objects_of(&self, variant: &str) -> Arc<Vec<Object>> {
+        let all = |only: &Only| only.allows(variant);
+        let complete =
+            |object: &Object| all(&object.only) && object.entries.iter().all(|entry| all(&entry.only));
+        if self.objects.iter().all(complete) {
+            return Arc::clone(&self.objects);
+        }
+        let chosen = self.objects.iter().filter(|object| all(&object.only)).map(|object| {
+            let mut object = object.clone();
+            object.entries.retain(|entry| all(&entry.only));
+            object
+        });
+        Arc::new(chosen.collect())
+    }
+
+    fn add_behaviour(&self, device: &mut Device, variant: &str) {
+        let file = &self.file;
+        for pdo in file.pdo.iter().filter(|pdo| pdo.get_ref().only.allows(variant)) {
+            device.places.pdos.push(pdo.span());
+            device.pdos.push(pdo.get_ref().clone());
+        }
+        for machine in file.machine.iter().filter(|it| it.get_ref().only.allows(variant)) {
+            for nth in 0..machine.get_ref().repeat.count {
+                device.places.machines.push(machine.span());
+                device.machines.push(machine.get_ref().pinned(nth));
+            }
+        }
+        for gate in file.gate.iter().filter(|gate| gate.get_ref().only.allows(variant)) {
+            for nth in 0..gate.get_ref().repeat.count {
+                device.places.gates.push(gate.span());
+                device.gates.push(gate.get_ref().pinned(nth));
+            }
+        }
+        for procedure in file.procedure.iter().filter(|it| it.get_ref().only.allows(variant)) {
+            for nth in 0..procedure.get_ref().repeat.count {
+                device.places.procedures.push(procedure.span());
+                device.procedures.push(procedure.get_ref().pinned(nth));
+            }
+        }
+        for rule in file.rule.iter().filter(|rule| rule.get_ref().only.allows(variant)) {
+            device.places.rules.push(rule.span());
+            device.rules.push(rule.get_ref().clone());
+        }
+        let samples = file.sample.iter().filter(|sample| sample.get_ref().only.allows(variant));
+        device.samples = samples.map(|sample| (sample.span(), sample.get_ref().clone())).collect();
+    }
+}
+
+impl Device {
+    /// Adds what a standard says where the device itself says nothing.
+    fn extend(&mut self, standard: &Device) {
+        self.dictionary.layers.extend(standard.dictionary.layers.iter().cloned());
+        if self.machines.is_empty() {
+            self.machines.clone_from(&standard.machines);
+        }
+        let own: Vec<_> = self.procedures.iter().map(|procedure| procedure.start.clone()).collect();
+        let more = standard.procedures.iter().filter(|procedure| !own.contains(&procedure.start));
+        self.procedures.extend(more.cloned());
+        for (name, codes) in &standard.codes {
+            self.codes.entry(name.clone()).or_insert_with(|| codes.clone());
+        }
+    }
+
+    /// The device's own entry of an error code.
+    pub fn error(&self, code: u16) -> Option<&ErrorCode> {
+        self.emcy.code.iter().find(|error| error.code == code)
+    }
+
+    /// The device's own text of an abort code, for an object where the text depends on it.
+    pub fn abort(
+        &self,
+        code: u32,
+        object: Option<crate::wire::canopen::ObjectAddress>,
+    ) -> Option<&AbortText> {
+        let matching = || self.aborts.iter().filter(|abort| abort.code == code);
+        let special = object.and_then(|object| {
+            matching().find(|abort| abort.objects.iter().any(|range| range.covers(object, 0, 0)))
+        });
+        special.or_else(|| matching().find(|abort| abort.objects.is_empty()))
+    }
+
+    /// Entries of its own file after repeats.
+    pub fn object_count(&self) -> usize {
+        self.dictionary.own().iter().map(Object::count).sum()
+    }
+}

@@ -1,0 +1,80 @@
+//! Samples: what proves a profile.
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+
+use crate::profile::layout::PdoName;
+use crate::profile::object::{Given, Only};
+
+/// Frames, and what the device means by the last of them.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sample {
+    /// What it shows.
+    #[serde(default)]
+    pub about: String,
+    /// Section.
+    #[serde(default)]
+    pub source: String,
+    /// Node-ID, 1 to 127.
+    #[serde(default = "one")]
+    pub node: u8,
+    /// Variant; the first of `only`, else the profile's default.
+    #[serde(default)]
+    pub variant: Option<String>,
+    /// Variants it holds for.
+    #[serde(default)]
+    pub only: Only,
+    /// Raw values known before, by object.
+    #[serde(default)]
+    pub given: BTreeMap<String, Given>,
+    /// Frames in candump's notation.
+    pub frames: Vec<String>,
+    /// The last frame is this PDO.
+    #[serde(default)]
+    pub pdo: Option<PdoName>,
+    /// Its scaled values by object.
+    #[serde(default)]
+    pub signals: BTreeMap<String, f64>,
+    /// Its names of values and bits by object.
+    #[serde(default)]
+    pub texts: BTreeMap<String, String>,
+    /// The last frame is an EMCY with this code.
+    #[serde(default)]
+    pub emcy: Option<u16>,
+    /// The last frame ends an SDO transfer of this object.
+    #[serde(default)]
+    pub object: Option<String>,
+    /// Its scaled value.
+    #[serde(default)]
+    pub value: Option<f64>,
+    /// Its unit.
+    #[serde(default)]
+    pub unit: Option<String>,
+    /// The last frame is an SDO abort with this code.
+    #[serde(default)]
+    pub abort: Option<u32>,
+    /// Text of the EMCY, of the abort as the device means it, or of the object's value.
+    #[serde(default)]
+    pub text: Option<String>,
+    /// The state machine is in this state.
+    #[serde(default)]
+    pub state: Option<String>,
+    /// Of this channel.
+    #[serde(default)]
+    pub channel: Option<u8>,
+    /// The last frame makes an event of this procedure.
+    #[serde(default)]
+    pub procedure: Option<String>,
+    /// With this status, or this step.
+    #[serde(default)]
+    pub status: Option<String>,
+    /// The set point of the last frame is closed by this gate.
+    #[serde(default)]
+    pub gate: Option<String>,
+}
+
+const fn one() -> u8 {
+    1
+}

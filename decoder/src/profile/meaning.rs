@@ -1,0 +1,210 @@
+//! What a number of an object means on one node at one time: unit, scale, names, everything resolved.
+
+use std::fmt::Write as _;
+use std::sync::Arc;
+
+use super::data_type::{DataType, Value};
+use super::object::{BitNames, Format, Names, Role};
+use crate::wire::canopen::ObjectAddress;
+
+/// Raw number to quantity.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Factor {
+    /// value = raw × factor + offset.
+    pub factor: f64,
+    /// Added after scaling.
+    pub offset: f64,
+    /// Object that holds the full-scale value, and that value.
+    pub full_scale: Option<(ObjectAddress, f64)>,
+}
+
+/// How one object is read.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Meaning {
+    /// The object.
+    pub object: ObjectAddress,
+    /// Full name.
+    pub name: String,
+    /// The word for it in lines.
+    pub short: Option<String>,
+    /// Type, if known.
+    pub data_type: Option<DataType>,
+    /// How people read it.
+    pub format: Format,
+    /// Unit of the scaled value; empty for plain numbers.
+    pub unit: String,
+    /// Scale; `None` for plain numbers.
+    pub scale: Option<Factor>,
+    /// Digits after the point.
+    pub decimals: u8,
+    /// Permitted raw values.
+    pub range: Option<[i64; 2]>,
+    /// Permitted values in `unit`.
+    pub limits: Option<[f64; 2]>,
+    /// Enumeration.
+    pub values: Option<Arc<Names>>,
+    /// Raw values that are no quantity.
+    pub special: Option<Arc<Names>>,
+    /// Named bits.
+    pub bits: Option<Arc<BitNames>>,
+    /// What it is for the device.
+    pub role: Option<Role>,
+    /// Of an actual value the set point it follows.
+    pub of: Option<ObjectAddress>,
+    /// Output of the device.
+    pub channel: Option<u8>,
+    /// Rests on a default, or on a value that may have changed unseen.
+    pub assumed: bool,
+}
+
+impl Meaning {
+    /// The value of bytes; bytes where the type is unknown.
+    pub fn decode(&self, data: &[u8]) -> Value {
+        match self.data_type {
+            _ if self.format == Format::Ascii => DataType::VisibleString.decode(data),
+            Some(data_type) => data_type.decode(data),
+            None => Value::Bytes(data.to_vec()),
+        }
+    }
+
+    /// The scaled quantity; `None` without scale, and for special values and texts.
+    pub fn scaled(&self, value: &Value) -> Option<f64> {
+        let scale = self.scale?;
+        if self.label(value).is_some() {
+            return None;
+        }
+        let raw = match value {
+            #[expect(clippy::cast_precision_loss, reason = "scaled values are for reading; raw is the truth")]
+            Value::Unsigned(raw) => *raw as f64,
+            #[expect(clippy::cast_precision_loss, reason = "scaled values are for reading; raw is the truth")]
+            Value::Integer(raw) => *raw as f64,
+            Value::Real(raw) => *raw,
+            Value::Text(_) | Value::Bytes(_) => return None,
+        };
+        Some(raw * scale.factor + scale.offset)
+    }
+
+    /// Name of a value: of an enumeration, or a special one.
+    pub fn label(&self, value: &Value) -> Option<&str> {
+        let number = integer(value)?;
+        let special = self.special.as_deref().and_then(|names| names.get(number));
+        special.or_else(|| self.values.as_deref().and_then(|names| names.get(number)))
+    }
+
+    /// Whether a value lies outside what the manual permits.
+    pub fn is_outside(&self, value: &Value) -> bool {
+        let Some(number) = integer(value) else { return false };
+        if self.special.as_deref().is_some_and(|names| names.get(number).is_some()) {
+            return false;
+        }
+        let outside_range = self.range.is_some_and(|[least, most]| number < least || number > most);
+        #[expect(clippy::cast_precision_loss, reason = "compared with limits of few digits")]
+        let quantity = self.scaled(value).or_else(|| self.scale.is_none().then_some(number as f64));
+        let outside_limits = match (self.limits, quantity) {
+            // Half a step of the raw number: limits are printed rounded.
+            (Some([least, most]), Some(quantity)) => {
+                let slack = self.scale.map_or(0.0, |scale| scale.factor.abs()) / 2.0 + f64::EPSILON;
+                quantity < least - slack || quantity > most + slack
+            }
+            _ => false,
+        };
+        outside_range || outside_limits
+    }
+
+    /// The value as people write it: `157.5 bar`, `CAN bus`, `80000185h`, `pressure control`.
+    pub fn show(&self, value: &Value) -> String {
+        if let Some(label) = self.label(value) {
+            return match self.values {
+                Some(_) => format!("{label} ({})", self.plain(value)),
+                None => label.to_owned(),
+            };
+        }
+        if let (Some(bits), Some(word)) = (self.bits.as_deref(), word(value)) {
+            return show_bits(bits, word, self.data_type);
+        }
+        match self.scaled(value) {
+            Some(quantity) => self.with_unit(&format!("{quantity:.*}", usize::from(self.decimals))),
+            None => self.with_unit(&self.plain(value)),
+        }
+    }
+
+    fn with_unit(&self, number: &str) -> String {
+        // "-0.0" reads as a sign that is not there.
+        let number = match number.strip_prefix('-') {
+            Some(digits) if digits.bytes().all(|digit| matches!(digit, b'0' | b'.')) => digits,
+            _ => number,
+        };
+        if self.unit.is_empty() { number.to_owned() } else { format!("{number} {}", self.unit) }
+    }
+
+    fn plain(&self, value: &Value) -> String {
+        match (value, self.format) {
+            (Value::Unsigned(number), Format::Hex) => {
+                let digits = usize::from(self.data_type.and_then(DataType::bits).unwrap_or(32).div_ceil(4));
+                format!("{number:0digits$X}h")
+            }
+            // Bits 31..16 index, 15..8 sub-index, 7..0 width (CiA 301 figure 70).
+            (Value::Unsigned(number), Format::Mapping) if *number != 0 => {
+                format!("{:04X}:{:02X}/{} bit", number >> 16, number >> 8 & 0xFF, number & 0xFF)
+            }
+            _ => value.to_string(),
+        }
+    }
+}
+
+/// A number as signed.
+pub fn integer(value: &Value) -> Option<i64> {
+    match value {
+        Value::Unsigned(number) => i64::try_from(*number).ok(),
+        Value::Integer(number) => Some(*number),
+        _ => None,
+    }
+}
+
+/// A number as bits.
+pub fn word(value: &Value) -> Option<u64> {
+    match value {
+        Value::Unsigned(number) => Some(*number),
+        Value::Integer(number) => Some(number.cast_unsigned()),
+        _ => None,
+    }
+}
+
+/// `08h pressure control, parameter-set 2`.
+fn show_bits(bits: &BitNames, word: u64, data_type: Option<DataType>) -> String {
+    let width = data_type.and_then(DataType::bits).unwrap_or(64).clamp(1, 64);
+    let digits = usize::from(width.div_ceil(4));
+    let word = word & (u64::MAX >> (64 - width));
+    let mut text = format!("{word:0digits$X}h");
+    let words = bit_words(bits, word);
+    for (place, part) in words.iter().enumerate() {
+        let separator = if place == 0 { " " } else { ", " };
+        // Writing to a string cannot fail.
+        let _ = write!(text, "{separator}{part}");
+    }
+    text
+}
+
+/// Words for the bits of a word: set ones by name, clear ones that have a word for it, numbers.
+pub fn bit_words(bits: &BitNames, word: u64) -> Vec<String> {
+    let named = bits.list.iter().filter(|bit| !bit.reserved);
+    named.filter_map(|bit| bit.word(bit.of(word))).collect()
+}
+
+impl super::object::BitName {
+    /// The word for a number of these bits; `None` where there is nothing to say.
+    pub fn word(&self, number: u64) -> Option<String> {
+        let title = self.text.as_deref().unwrap_or(&self.name);
+        if self.width == 1 {
+            return if number == 0 { self.off.clone() } else { Some(title.to_owned()) };
+        }
+        match &self.values {
+            Some(values) => {
+                let name = i64::try_from(number).ok().and_then(|number| values.get(number));
+                Some(name.map_or_else(|| format!("{title} {number}"), |name| format!("{title} {name}")))
+            }
+            None if number == 0 => None,
+            None => Some(format!("{title} {number}")),
+        }
+    }
+}

@@ -1,0 +1,370 @@
+//! Objects as a profile's author writes them: keys of `profiles/README.md`, section "Objects".
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use serde::Deserialize;
+
+use super::reference::Reference;
+
+/// How a number is read by people.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Format {
+    /// Decimal.
+    #[default]
+    Decimal,
+    /// Hexadecimal, as wide as the type.
+    Hex,
+    /// A PDO mapping entry: object and width in bits.
+    Mapping,
+    /// Bytes as characters: the signatures "save" and "load".
+    Ascii,
+}
+
+/// Access by SDO.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Access {
+    /// Read only.
+    Ro,
+    /// Read and write.
+    Rw,
+    /// Write only.
+    Wo,
+    /// Never changes.
+    Const,
+}
+
+impl Access {
+    /// The word in output: `ro`, `rw`, `wo`, `const`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Ro => "ro",
+            Self::Rw => "rw",
+            Self::Wo => "wo",
+            Self::Const => "const",
+        }
+    }
+}
+
+/// What keeps a value over a restart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Storage {
+    /// Lost at reset.
+    Volatile,
+    /// Every write goes to non-volatile memory.
+    EachWrite,
+    /// Kept after its store object was written.
+    Save,
+    /// Never changes.
+    Fixed,
+    /// Not said.
+    #[default]
+    Unknown,
+}
+
+impl Storage {
+    /// What becomes of a value just written, as output names it.
+    pub const fn persists(self) -> &'static str {
+        match self {
+            Self::Volatile => "no",
+            Self::EachWrite | Self::Fixed => "yes",
+            Self::Save => "needs-save",
+            Self::Unknown => "unknown",
+        }
+    }
+}
+
+/// When a write acts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Effect {
+    /// At the confirming message.
+    AtOnce,
+    /// At the next SYNC with the node's own identifier.
+    AtSync,
+    /// After NMT reset communication, and every stronger reset.
+    ResetCommunication,
+    /// After NMT reset node, and power-on.
+    ResetNode,
+    /// After power-on only.
+    PowerOn,
+    /// Accepted, but without effect.
+    Never,
+    /// Not said.
+    #[default]
+    Unknown,
+}
+
+impl Effect {
+    /// The name used in all output.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::AtOnce => "at-once",
+            Self::AtSync => "at-sync",
+            Self::ResetCommunication => "reset-communication",
+            Self::ResetNode => "reset-node",
+            Self::PowerOn => "power-on",
+            Self::Never => "never",
+            Self::Unknown => "unknown",
+        }
+    }
+
+    /// Whether the new value holds only from a restart on.
+    pub const fn waits(self) -> bool {
+        matches!(self, Self::ResetCommunication | Self::ResetNode | Self::PowerOn)
+    }
+}
+
+/// What an object is for the device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Role {
+    /// Control word or byte.
+    Control,
+    /// Status word or byte.
+    Status,
+    /// A commanded value.
+    SetPoint,
+    /// A measured value.
+    Actual,
+    /// A mode of operation.
+    Mode,
+    /// The node-ID.
+    NodeId,
+    /// The bit rate.
+    BitRate,
+    /// Counts up.
+    Counter,
+}
+
+/// An enumeration: raw value to its name.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
+#[serde(try_from = "BTreeMap<String, String>")]
+pub struct Names(pub BTreeMap<i64, String>);
+
+impl Names {
+    /// Name of a value.
+    pub fn get(&self, value: i64) -> Option<&str> {
+        self.0.get(&value).map(String::as_str)
+    }
+}
+
+impl TryFrom<BTreeMap<String, String>> for Names {
+    type Error = String;
+
+    fn try_from(table: BTreeMap<String, String>) -> Result<Self, String> {
+        let entry = |(key, name): (String, String)| integer(&key).map(|key| (key, name));
+        table.into_iter().map(entry).collect::<Result<_, _>>().map(Self)
+    }
+}
+
+/// A key such as `0`, `-3`, `0x1000`.
+fn integer(text: &str) -> Result<i64, String> {
+    let number = match text.strip_prefix("0x") {
+        Some(digits) => i64::from_str_radix(digits, 16),
+        None => text.parse(),
+    };
+    number.map_err(|_| format!("'{text}' is no number: write 0, -3 or 0x1000"))
+}
+
+/// One bit, or a few together, of a word.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BitName {
+    /// Lowest bit, from 0.
+    pub bit: u8,
+    /// How many.
+    #[serde(default = "one")]
+    pub width: u8,
+    /// The word in JSON, in kebab-case.
+    #[serde(default)]
+    pub name: String,
+    /// Words for a line when set.
+    #[serde(default)]
+    pub text: Option<String>,
+    /// Words for a line when clear.
+    #[serde(default)]
+    pub off: Option<String>,
+    /// Names of the number several bits form.
+    #[serde(default)]
+    pub values: Option<Names>,
+    /// Without meaning.
+    #[serde(default)]
+    pub reserved: bool,
+}
+
+const fn one() -> u8 {
+    1
+}
+
+impl BitName {
+    /// The number these bits form in `word`.
+    pub fn of(&self, word: u64) -> u64 {
+        let mask = if self.width >= 64 { u64::MAX } else { (1 << self.width) - 1 };
+        word.checked_shr(u32::from(self.bit)).unwrap_or(0) & mask
+    }
+}
+
+/// Bits of a word.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BitNames {
+    /// In any order.
+    pub list: Vec<BitName>,
+}
+
+/// Something defined here, or the name of a table that defines it for several.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(untagged, expecting = "a table, or the name of one")]
+pub enum Shared<T> {
+    /// Name of the table.
+    Named(String),
+    /// Defined here.
+    Here(T),
+}
+
+/// Raw number to quantity.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(
+    untagged,
+    expecting = "a number, { raw = 16383, value = 100 } or { raw = 16383, object = \"5208:02\" }"
+)]
+pub enum Scale {
+    /// value = raw × factor.
+    Factor(f64),
+    /// `raw` is `value`.
+    Anchor {
+        /// Raw number.
+        raw: f64,
+        /// Quantity.
+        value: f64,
+    },
+    /// `raw` is the value of `object`.
+    ByObject {
+        /// Raw number.
+        raw: f64,
+        /// Object that holds the quantity.
+        object: Reference,
+    },
+}
+
+/// One number or several.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(untagged, expecting = "a number or a list of numbers")]
+pub enum Numbers {
+    /// One.
+    One(i64),
+    /// Any of them.
+    Any(Vec<i64>),
+}
+
+impl Numbers {
+    /// Whether `value` is among them.
+    pub fn contains(&self, value: i64) -> bool {
+        match self {
+            Self::One(one) => *one == value,
+            Self::Any(any) => any.contains(&value),
+        }
+    }
+}
+
+/// A condition on the value of another object.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct When {
+    /// The object.
+    pub object: Reference,
+    /// Its raw value.
+    pub equals: Numbers,
+}
+
+/// Variants an entry belongs to; all if empty.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
+#[serde(from = "OneOrMany<String>")]
+pub struct Only(pub Vec<String>);
+
+impl Only {
+    /// Whether it holds for a variant.
+    pub fn allows(&self, variant: &str) -> bool {
+        self.0.is_empty() || self.0.iter().any(|only| only == variant)
+    }
+}
+
+impl From<OneOrMany<String>> for Only {
+    fn from(list: OneOrMany<String>) -> Self {
+        Self(list.into_vec())
+    }
+}
+
+/// A value or a list of them.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(untagged)]
+pub(super) enum OneOrMany<T> {
+    One(T),
+    Many(Vec<T>),
+}
+
+impl<T> OneOrMany<T> {
+    pub(super) fn into_vec(self) -> Vec<T> {
+        match self {
+            Self::One(one) => vec![one],
+            Self::Many(many) => many,
+        }
+    }
+}
+
+/// Equal entries at a distance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Repeat {
+    /// How many.
+    pub count: u16,
+    /// Distance of their indexes.
+    pub stride: u16,
+    /// Number of the first, for names and channels.
+    #[serde(default = "first")]
+    pub first: u16,
+    /// Whether the number is that of an output of the device.
+    #[serde(default)]
+    pub channel: bool,
+}
+
+const fn first() -> u16 {
+    1
+}
+
+/// No repeat: one entry.
+pub const ONCE: Repeat = Repeat { count: 1, stride: 0, first: 1, channel: false };
+
+/// A default as written.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(untagged, expecting = "a number or a text")]
+pub enum Given {
+    /// Raw number.
+    Number(i64),
+    /// A real number.
+    Real(f64),
+    /// Text.
+    Text(String),
+}
+
+/// How a value is read: keys that may differ by mode.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Look {
+    pub(super) name: Option<String>,
+    pub(super) short: Option<String>,
+    pub(super) unit: Option<String>,
+    pub(super) scale: Option<Scale>,
+    pub(super) offset: Option<f64>,
+    pub(super) decimals: Option<u8>,
+    pub(super) range: Option<[i64; 2]>,
+    pub(super) limits: Option<[f64; 2]>,
+    pub(super) values: Option<Arc<Names>>,
+    pub(super) special: Option<Arc<Names>>,
+    pub(super) bits: Option<Arc<BitNames>>,
+    pub(super) role: Option<Role>,
+    pub(super) of: Option<Reference>,
+}

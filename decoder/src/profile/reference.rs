@@ -1,0 +1,158 @@
+//! References from one entry of a profile to another: `5208:02`, `5208:02 fixed`, `6043:00 step 800`.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::Deserialize;
+
+use crate::wire::canopen::ObjectAddress;
+
+/// An object named inside an entry that may be repeated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Deserialize)]
+#[serde(try_from = "String")]
+pub struct Reference {
+    /// The object, as the first repeat means it.
+    pub object: ObjectAddress,
+    /// How far it moves from one repeat to the next; `None`: as far as the entry itself.
+    pub step: Option<u16>,
+}
+
+impl Reference {
+    /// The object the repeat number `nth`, from 0, of an entry with this stride means.
+    pub fn shifted(self, nth: u16, stride: u16) -> ObjectAddress {
+        let distance = self.step.unwrap_or(stride).wrapping_mul(nth);
+        ObjectAddress { index: self.object.index.wrapping_add(distance), ..self.object }
+    }
+
+    /// The same for good: a reference that does not move, at its place in repeat `nth`.
+    #[must_use]
+    pub fn pinned(self, nth: u16, stride: u16) -> Self {
+        Self { object: self.shifted(nth, stride), step: Some(0) }
+    }
+}
+
+impl FromStr for Reference {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let mut words = text.split_whitespace();
+        let object = words.next().unwrap_or_default().parse().map_err(|error| format!("{error}"))?;
+        let step = match (words.next(), words.next(), words.next()) {
+            (None, ..) => None,
+            (Some("fixed"), None, _) => Some(0),
+            (Some("step"), Some(step), None) => Some(
+                u16::from_str_radix(step.trim_start_matches("0x"), 16)
+                    .map_err(|_| format!("'{step}' is no step: write it in hex, as 800"))?,
+            ),
+            _ => {
+                return Err(format!(
+                    "'{text}' is no reference: write 5208:02, 5208:02 fixed or 6043:00 step 800"
+                ));
+            }
+        };
+        Ok(Self { object, step })
+    }
+}
+
+impl TryFrom<String> for Reference {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse()
+    }
+}
+
+/// One bit of an object: `5038:00/1`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "String")]
+pub struct BitReference {
+    /// The object.
+    pub object: Reference,
+    /// The bit, from 0.
+    pub bit: u8,
+}
+
+impl TryFrom<String> for BitReference {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        let wrong = || format!("'{text}' is no bit: write 5038:00/1");
+        let (object, bit) = text.split_once('/').ok_or_else(wrong)?;
+        let (bit, rest) = bit.split_once(' ').unwrap_or((bit, ""));
+        let bit = bit.parse().ok().filter(|bit| *bit < 64).ok_or_else(wrong)?;
+        Ok(Self { object: format!("{object} {rest}").parse()?, bit })
+    }
+}
+
+/// Objects from one address to another, both included: `1000:00..1FFF:FF`, or one object.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "String")]
+pub struct ObjectRange {
+    first: Reference,
+    last: Reference,
+}
+
+impl ObjectRange {
+    /// Whether it covers `object` in repeat `nth`.
+    pub fn covers(&self, object: ObjectAddress, nth: u16, stride: u16) -> bool {
+        (self.first.shifted(nth, stride)..=self.last.shifted(nth, stride)).contains(&object)
+    }
+
+    /// First and last object of the first repeat.
+    pub const fn ends(&self) -> (ObjectAddress, ObjectAddress) {
+        (self.first.object, self.last.object)
+    }
+
+    /// The same for good, at its place in repeat `nth`.
+    #[must_use]
+    pub fn pinned(self, nth: u16, stride: u16) -> Self {
+        Self { first: self.first.pinned(nth, stride), last: self.last.pinned(nth, stride) }
+    }
+}
+
+impl TryFrom<String> for ObjectRange {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        let (first, last) = text.split_once("..").unwrap_or((&text, &text));
+        let (first, last): (Reference, Reference) = (first.trim().parse()?, last.trim().parse()?);
+        if last.object < first.object {
+            return Err(format!("'{text}' ends before it begins"));
+        }
+        Ok(Self { first, last })
+    }
+}
+
+impl fmt::Display for ObjectRange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (first, last) = self.ends();
+        if first == last { write!(f, "{first}") } else { write!(f, "{first} to {last}") }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn references_move_with_their_entry_unless_they_say_otherwise() {
+        let at = |text: &str, nth| text.parse::<Reference>().unwrap().shifted(nth, 0x700).to_string();
+        assert_eq!(at("2200:00", 3), "3700:00");
+        assert_eq!(at("6043:00 step 800", 2), "7043:00");
+        assert_eq!(at("5208:02 fixed", 2), "5208:02");
+        assert!("6043:00 by 800".parse::<Reference>().is_err());
+        assert!("6043:00 step x".parse::<Reference>().is_err());
+    }
+
+    #[test]
+    fn ranges_and_bits() {
+        let range = ObjectRange::try_from("1000:00..1FFF:FF".to_owned()).unwrap();
+        assert!(range.covers(ObjectAddress::new(0x1FFF, 0), 0, 0));
+        assert!(!range.covers(ObjectAddress::new(0x2000, 0), 0, 0));
+        assert!(ObjectRange::try_from("2000:00..1000:00".to_owned()).is_err());
+        let bit = BitReference::try_from("5038:00/1".to_owned()).unwrap();
+        assert_eq!((bit.object.object.to_string().as_str(), bit.bit), ("5038:00", 1));
+        assert_eq!(BitReference::try_from("6040:00/3 fixed".to_owned()).unwrap().object.step, Some(0));
+        assert!(BitReference::try_from("5038:00/64".to_owned()).is_err());
+    }
+}

@@ -1,0 +1,189 @@
+//! From what a profile's author wrote to what holds on one node now: modes chosen, scales computed.
+
+use super::data_type::{DataType, Value};
+use super::dictionary::{Dictionary, Entry, Found};
+use super::meaning::{Factor, Meaning, integer};
+use super::object::{Given, Look, Scale};
+use crate::wire::canopen::ObjectAddress;
+
+/// Deepest chain of objects whose scale depends on another one.
+const DEEPEST: u8 = 4;
+
+/// What is known of a node's objects.
+pub trait Known {
+    /// Bytes of an object, and whether they may have changed unseen.
+    fn bytes(&self, object: ObjectAddress) -> Option<(&[u8], bool)>;
+    /// The unit the user gives for an object whose unit no message tells.
+    fn unit(&self, object: ObjectAddress) -> Option<&str>;
+}
+
+/// Nothing is known: defaults decide.
+#[derive(Debug, Clone, Copy)]
+pub struct NothingKnown;
+
+impl Known for NothingKnown {
+    fn bytes(&self, _: ObjectAddress) -> Option<(&[u8], bool)> {
+        None
+    }
+
+    fn unit(&self, _: ObjectAddress) -> Option<&str> {
+        None
+    }
+}
+
+/// A number that decides how others are read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Number {
+    /// Raw value.
+    pub raw: i64,
+    /// A default, or possibly changed unseen.
+    pub assumed: bool,
+}
+
+/// Resolves entries of one dictionary, and keeps account of what it looked at.
+pub struct Resolver<'a> {
+    dictionary: &'a Dictionary,
+    known: &'a dyn Known,
+    /// Objects whose value decided something.
+    pub looked_at: Vec<ObjectAddress>,
+}
+
+impl<'a> Resolver<'a> {
+    /// A resolver for one node.
+    pub fn new(dictionary: &'a Dictionary, known: &'a dyn Known) -> Self {
+        Self { dictionary, known, looked_at: Vec::new() }
+    }
+
+    /// What an object means now; `None` if the dictionary does not know its index.
+    pub fn meaning(&mut self, object: ObjectAddress) -> Option<Meaning> {
+        let found = self.dictionary.find(object)?;
+        Some(self.meaning_of(&found, 0))
+    }
+
+    /// The raw number an object holds: seen, given or as delivered.
+    pub fn number(&mut self, object: ObjectAddress) -> Option<Number> {
+        if !self.looked_at.contains(&object) {
+            self.looked_at.push(object);
+        }
+        let entry = self.dictionary.find(object).and_then(|found| found.entry);
+        if let Some((bytes, assumed)) = self.known.bytes(object) {
+            let width = u16::try_from(bytes.len().saturating_mul(8)).unwrap_or(64);
+            let data_type = entry.and_then(|entry| entry.data_type).unwrap_or(DataType::unsigned(width));
+            return Some(Number { raw: integer(&data_type.decode(bytes))?, assumed });
+        }
+        match entry?.default {
+            Some(Given::Number(raw)) => Some(Number { raw, assumed: true }),
+            _ => None,
+        }
+    }
+
+    fn meaning_of(&mut self, found: &Found<'_>, depth: u8) -> Meaning {
+        let mut meaning = bare(found);
+        let Some(entry) = found.entry else { return meaning };
+        let (mode, assumed) = self.mode(entry, found);
+        meaning.assumed = assumed;
+        meaning.name = match mode.and_then(|mode| mode.name.as_deref()) {
+            Some(name) => found.numbered(name),
+            None => found.name(),
+        };
+        let pick = Pick { mode, base: &entry.look };
+        meaning.short = pick.of(|look| look.short.clone()).map(|short| found.numbered(&short));
+        let given = self.known.unit(found.address);
+        meaning.unit =
+            given.map(str::to_owned).or_else(|| pick.of(|look| look.unit.clone())).unwrap_or_default();
+        meaning.range = pick.of(|look| look.range);
+        meaning.limits = pick.of(|look| look.limits);
+        meaning.values = pick.of(|look| look.values.clone());
+        meaning.special = pick.of(|look| look.special.clone());
+        meaning.bits = pick.of(|look| look.bits.clone());
+        meaning.role = pick.of(|look| look.role);
+        meaning.of = pick.of(|look| look.of).map(|of| found.shifted(of));
+        let scale = pick.of(|look| look.scale);
+        let offset = pick.of(|look| look.offset).unwrap_or(0.0);
+        let (scale, assumed) = self.factor(scale, offset, found, depth);
+        meaning.scale = scale;
+        meaning.assumed |= assumed;
+        meaning.decimals = pick.of(|look| look.decimals).unwrap_or_else(|| decimals(scale));
+        meaning
+    }
+
+    /// The meaning by mode that holds, and whether that is only assumed.
+    fn mode<'e>(&mut self, entry: &'e Entry, found: &Found<'_>) -> (Option<&'e Look>, bool) {
+        let mut unknown = false;
+        let mut assumed = false;
+        for (when, look) in &entry.modes {
+            match self.number(found.shifted(when.object)) {
+                Some(number) if when.equals.contains(number.raw) => return (Some(look), number.assumed),
+                Some(number) => assumed |= number.assumed,
+                None => unknown = true,
+            }
+        }
+        (None, unknown || assumed)
+    }
+
+    fn factor(
+        &mut self,
+        scale: Option<Scale>,
+        offset: f64,
+        found: &Found<'_>,
+        depth: u8,
+    ) -> (Option<Factor>, bool) {
+        let (raw, value, by, assumed) = match scale {
+            None if offset == 0.0 => return (None, false),
+            None => (1.0, 1.0, None, false),
+            Some(Scale::Factor(factor)) => (1.0, factor, None, false),
+            Some(Scale::Anchor { raw, value }) => (raw, value, None, false),
+            Some(Scale::ByObject { raw, object }) => {
+                let object = found.shifted(object);
+                match self.quantity(object, depth) {
+                    Some((value, assumed)) => (raw, value, Some((object, value)), assumed),
+                    None => return (None, true),
+                }
+            }
+        };
+        let factor = value / raw;
+        let usable = factor.is_finite() && factor != 0.0;
+        (usable.then_some(Factor { factor, offset, full_scale: by }), assumed)
+    }
+
+    /// The scaled value of an object that another one's scale depends on.
+    fn quantity(&mut self, object: ObjectAddress, depth: u8) -> Option<(f64, bool)> {
+        let number = self.number(object)?;
+        let found = self.dictionary.find(object).filter(|_| depth < DEEPEST);
+        let meaning = found.map(|found| self.meaning_of(&found, depth.saturating_add(1)));
+        let value = Value::Integer(number.raw);
+        let scaled = meaning.as_ref().and_then(|meaning| meaning.scaled(&value));
+        #[expect(clippy::cast_precision_loss, reason = "scaled values are for reading; raw is the truth")]
+        let plain = number.raw as f64;
+        Some((scaled.unwrap_or(plain), number.assumed || meaning.is_some_and(|meaning| meaning.assumed)))
+    }
+}
+
+/// A mode's keys before the entry's own.
+struct Pick<'a> {
+    mode: Option<&'a Look>,
+    base: &'a Look,
+}
+
+impl Pick<'_> {
+    fn of<T>(&self, key: impl Fn(&Look) -> Option<T>) -> Option<T> {
+        self.mode.and_then(&key).or_else(|| key(self.base))
+    }
+}
+
+/// What is known without values: name, type, format.
+fn bare(found: &Found<'_>) -> Meaning {
+    Meaning {
+        object: found.address,
+        name: found.name(),
+        data_type: found.entry.and_then(|entry| entry.data_type),
+        format: found.entry.map(|entry| entry.format).unwrap_or_default(),
+        channel: found.channel(),
+        ..Meaning::default()
+    }
+}
+
+/// Digits a scaled value is shown with: none for whole multiples, else one.
+fn decimals(scale: Option<Factor>) -> u8 {
+    scale.map_or(0, |scale| u8::from(scale.factor.fract() != 0.0 || scale.offset.fract() != 0.0))
+}

@@ -1,0 +1,127 @@
+//! The words of a device's events.
+
+use std::fmt::Write as _;
+
+use super::Tone;
+use super::line::{millis, seconds};
+use crate::event::{
+    BitsChanged, Conflict, DeviceCause, DeviceState, Effective, ModeChange, ProcedureEvent, SetPoint,
+};
+use crate::profile::Value;
+
+/// Kind of line, what happened, tone.
+pub(super) type Said = (&'static str, String, Tone);
+
+/// `c1 ` before what one of several outputs does.
+fn channel(channel: Option<u8>) -> String {
+    channel.map_or(String::new(), |channel| format!("c{channel} "))
+}
+
+pub(super) fn state(state: &DeviceState) -> Said {
+    let from = state.from.as_deref().unwrap_or("?");
+    let mut what = format!("{}{from} → {}", channel(state.channel), state.to);
+    let frame = if state.cause_frame == 0 { String::new() } else { format!(" {{{}}}", state.cause_frame) };
+    let _ = match (state.cause, state.control, state.emcy) {
+        (DeviceCause::ControlWord, Some(control), _) => write!(what, ", control {control:02X}{frame}"),
+        (DeviceCause::Emcy, _, Some(code)) => write!(what, ", cause EMCY {code:04X}{frame}"),
+        (DeviceCause::NmtCommand, ..) => write!(what, ", cause NMT command{frame}"),
+        (DeviceCause::LifeGuard, ..) => write!(what, ", cause life guarding{frame}"),
+        (DeviceCause::BootUp, ..) => write!(what, ", after its start{frame}"),
+        (DeviceCause::NotOnTheBus, ..) if state.from.is_none() => write!(what, ", first seen"),
+        _ => write!(what, ", cause not on the bus (hardware enable, maker's tool?)"),
+    };
+    if let Some(path) = &state.path {
+        let frames: Vec<_> = path.frames.iter().map(u64::to_string).collect();
+        let _ = write!(what, "; {}, {} × control", path.states.join(" → "), path.frames.len());
+        if let Some(duration) = path.duration {
+            let _ = write!(what, " in {} ms", duration / 1_000_000);
+        }
+        let _ = write!(what, " {{{}}}", frames.join(" "));
+    }
+    ("STATE", what, if state.fault { Tone::Bad } else { Tone::Plain })
+}
+
+pub(super) fn bits(bits: &BitsChanged) -> Said {
+    ("STAT", format!("{}{}: {}", channel(bits.channel), bits.name, bits.words.join(", ")), Tone::Plain)
+}
+
+pub(super) fn set_point(point: &SetPoint) -> Said {
+    let name = point.short.as_deref().unwrap_or(&point.signal);
+    let assumed = if point.assumed { "?" } else { "" };
+    let mut what = format!("{}{name} ", channel(point.channel));
+    if let Some(from) = point.from.as_ref().filter(|from| from.text != point.to.text) {
+        let _ = write!(what, "{} → ", from.text);
+    }
+    let _ = write!(what, "{}{assumed} ", point.to.text);
+    let gates = point.gates.join("; ");
+    let tone = match point.effective {
+        Effective::Yes => {
+            what.push_str("effective");
+            Tone::Plain
+        }
+        Effective::No => {
+            let _ = write!(what, "NOT effective: {gates}");
+            Tone::Caution
+        }
+        Effective::Unknown => {
+            let _ = write!(what, "effective? not known: {gates}");
+            Tone::Plain
+        }
+    };
+    if let Some(after) = point.sync_after {
+        let _ = write!(what, ", at SYNC +{} ms", millis(after));
+    }
+    ("SETPT", what, tone)
+}
+
+pub(super) fn mode(mode: &ModeChange) -> Said {
+    let from = mode.from.as_deref().map_or(String::new(), |from| format!("{from} → "));
+    let consequence =
+        if mode.consequence.is_empty() { String::new() } else { format!(" → {}", mode.consequence) };
+    let what = format!("{}{} = {from}{}{consequence}", channel(mode.channel), mode.object, mode.to);
+    ("MODE", what, Tone::Plain)
+}
+
+/// KIND of a procedure's line; words a profile invents are PROC.
+fn word(word: Option<&str>) -> &'static str {
+    const WORDS: [&str; 8] = ["CALIB", "STORE", "RESTORE", "SWITCH", "M/S", "IDENT", "RATE", "RESET"];
+    WORDS.iter().find(|known| Some(**known) == word).unwrap_or(&"PROC")
+}
+
+pub(super) fn procedure(event: &ProcedureEvent) -> Said {
+    let mut what = format!("{} {}", event.procedure, event.step);
+    if event.step == "finished" {
+        let _ = write!(what, ": {}", event.status);
+    }
+    if let Some(duration) = event.duration.filter(|_| event.step != "started") {
+        let _ = write!(what, " after {} s", seconds(duration));
+    }
+    if let Some(object) = event.object.filter(|_| event.step == "started") {
+        let _ = write!(what, " ({object})");
+    }
+    if let Some(nominal) = event.nominal.filter(|_| event.step == "started") {
+        let _ = write!(what, "; about {nominal} s");
+    }
+    if event.takes_over && event.step == "started" {
+        what.push_str("; set points of the bus are ignored");
+    }
+    if !event.text.is_empty() {
+        let _ = write!(what, "; {}", event.text);
+    }
+    let tone = match event.status {
+        "error" => Tone::Bad,
+        "stopped" | "busy" => Tone::Caution,
+        "ok" => Tone::Good,
+        _ => Tone::Plain,
+    };
+    (word(event.word.as_deref()), what, tone)
+}
+
+pub(super) fn conflict(conflict: &Conflict) -> Said {
+    let says: Vec<_> = conflict
+        .sources
+        .iter()
+        .map(|(source, data)| format!("{source} says {}", Value::Bytes(data.clone())))
+        .collect();
+    ("CONFLICT", format!("{} {}: {}", conflict.object, conflict.name, says.join(", ")), Tone::Caution)
+}

@@ -1,0 +1,137 @@
+//! What the options common to all captures say: buses, nodes, profiles.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::Context as _;
+use cobscope_decoder::bus_file::BusFile;
+use cobscope_decoder::capture::{ReadOptions, TimeStyle};
+use cobscope_decoder::profile::Catalogue;
+use cobscope_decoder::session::{AssignedBy, Assignment, ProtocolChoice, SessionOptions};
+use cobscope_decoder::sink::escape;
+
+use crate::cli::{InputArgs, NodeArg, Protocol, StampStyle};
+
+/// Captures to read: those named, else standard input.
+pub(super) fn captures(input: &InputArgs) -> Vec<PathBuf> {
+    if input.captures.is_empty() { vec!["-".into()] } else { input.captures.clone() }
+}
+
+pub(super) fn read_options(input: &InputArgs) -> ReadOptions {
+    ReadOptions {
+        time_style: input.time.map(|style| match style {
+            StampStyle::Absolute => TimeStyle::Absolute,
+            StampStyle::Delta => TimeStyle::Delta,
+        }),
+    }
+}
+
+/// What the options say of the buses.
+///
+/// # Errors
+/// A bus file or profile that cannot be read, is broken or does not exist.
+pub(super) fn session_options(input: &InputArgs) -> anyhow::Result<SessionOptions> {
+    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+    let sdo_silence = (input.sdo_timeout * 1e9) as i64;
+    let bus_file = input.bus.as_deref().map(bus_file).transpose()?.unwrap_or_default();
+    let mut catalogue = catalogue(&input.profiles);
+    let assignments = assignments(input, &bus_file, &mut catalogue)?;
+    Ok(SessionOptions {
+        protocol: match input.protocol {
+            Protocol::Auto => ProtocolChoice::Auto,
+            Protocol::Canopen => ProtocolChoice::Canopen,
+            Protocol::None => ProtocolChoice::None,
+        },
+        sdo_silence,
+        bus_file,
+        catalogue: Arc::new(catalogue),
+        assignments,
+        ..SessionOptions::default()
+    })
+}
+
+fn bus_file(path: &Path) -> anyhow::Result<BusFile> {
+    let name = path.display().to_string();
+    let text = std::fs::read_to_string(path).with_context(|| format!("{name}: cannot be read"))?;
+    BusFile::parse(&text).map_err(|error| anyhow::anyhow!(error.show(&name)))
+}
+
+/// Devices of nodes: of the bus file, then of the options, which go before it.
+fn assignments(
+    input: &InputArgs,
+    file: &BusFile,
+    catalogue: &mut Catalogue,
+) -> anyhow::Result<Vec<Assignment>> {
+    let mut all = Vec::new();
+    for (bus, node, profile) in file.devices() {
+        let device = catalogue.device(profile).with_context(|| format!("bus file, node {node}"))?;
+        all.push(Assignment { bus: bus.map(Into::into), node, device, by: AssignedBy::BusFile });
+    }
+    for NodeArg { bus, id, profile } in &input.node {
+        let Some(profile) = profile else { continue };
+        let device = catalogue.device(profile).with_context(|| format!("--node {id}={profile}"))?;
+        all.push(Assignment { bus: bus.clone(), node: *id, device, by: AssignedBy::Option });
+    }
+    Ok(all)
+}
+
+/// All profiles: those of this program, of the user's folder, of the folders named.
+pub(super) fn catalogue(folders: &[PathBuf]) -> Catalogue {
+    let mut catalogue = Catalogue::default();
+    if let Some(folder) = user_folder().filter(|folder| folder.is_dir()) {
+        add_folder(&mut catalogue, &folder, None);
+    }
+    for folder in folders {
+        if !folder.is_dir() {
+            warn(&format!("{}: is no folder", folder.display()));
+        }
+        add_folder(&mut catalogue, folder, None);
+    }
+    catalogue
+}
+
+/// `$XDG_CONFIG_HOME/cobscope/profiles`.
+fn user_folder() -> Option<PathBuf> {
+    let config = std::env::var_os("XDG_CONFIG_HOME").map(PathBuf::from).filter(|path| path.is_absolute());
+    let config = config.or_else(|| std::env::var_os("HOME").map(|home| PathBuf::from(home).join(".config")));
+    Some(config?.join("cobscope").join("profiles"))
+}
+
+/// Adds the profiles of a folder but one. A broken one is said, and stops the program only where a node
+/// uses it.
+pub(super) fn add_folder(catalogue: &mut Catalogue, folder: &Path, but: Option<&Path>) {
+    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+    paths.sort();
+    for path in paths.iter().filter(|path| Some(path.as_path()) != but) {
+        if path.extension().is_some_and(|extension| extension == "toml") {
+            add_file(catalogue, path);
+        }
+    }
+}
+
+fn add_file(catalogue: &mut Catalogue, path: &Path) {
+    let name = path.display().to_string();
+    let stem = path.file_stem().map_or(String::new(), |stem| stem.to_string_lossy().into_owned());
+    let Ok(text) = std::fs::read_to_string(path) else {
+        return warn(&format!("{name}: cannot be read"));
+    };
+    let bundled = catalogue.ids();
+    match catalogue.add_text(&name, &text) {
+        Ok(id) if bundled.contains(&id) => {
+            warn(&format!("{name}: is used for {id} instead of this program's own"))
+        }
+        Ok(_) => {}
+        Err(error) => {
+            warn(&error.to_string());
+            catalogue.add_broken(&stem, error);
+        }
+    }
+}
+
+pub(super) fn warn(text: &str) {
+    for line in text.lines() {
+        let _ = writeln!(std::io::stderr(), "cobscope: {}", escape(line));
+    }
+}

@@ -1,0 +1,154 @@
+//! `cobscope profiles`: the devices that are known, what is known of them, whether a profile is right.
+
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::Path;
+
+use cobscope_decoder::profile::device::ProfileFile;
+use cobscope_decoder::profile::{Catalogue, Device, ProfileError, check};
+use cobscope_decoder::sink::escape;
+
+use crate::cli::ProfilesCommand;
+use crate::exit_code::Exit;
+
+/// Runs the command.
+pub fn run(command: &ProfilesCommand, catalogue: &Catalogue) -> Exit {
+    match command {
+        ProfilesCommand::List => list(catalogue),
+        ProfilesCommand::Show { profile, count } => show(catalogue, profile, *count),
+        ProfilesCommand::Check { files } => check_files(files),
+    }
+}
+
+fn print(text: &str) {
+    // A closed pipe is no failure.
+    let _ = std::io::stdout().write_all(text.as_bytes());
+}
+
+fn complain(text: &str) {
+    let _ = writeln!(std::io::stderr(), "cobscope: {text}");
+}
+
+/// One line a device and variant.
+fn list(catalogue: &Catalogue) -> Exit {
+    let mut text = String::new();
+    let mut exit = Exit::Clean;
+    for id in catalogue.ids() {
+        match catalogue.device(&id) {
+            Ok(device) => {
+                let _ =
+                    writeln!(text, "{id:<24} {:<10} {}", escape(&device.title), escape(&device.description));
+                for variant in &device.variants {
+                    let title = if variant.title.is_empty() { &device.title } else { &variant.title };
+                    let name = format!("{id}:{}", variant.id);
+                    let _ = writeln!(text, "  {name:<24} {}", escape(title));
+                }
+                if let Some(origin) = catalogue.brought(&id) {
+                    let _ = writeln!(text, "  from {}", escape(origin));
+                }
+            }
+            Err(error) => {
+                complain(&error.to_string());
+                exit = Exit::Profile;
+            }
+        }
+    }
+    print(&text);
+    exit
+}
+
+fn show(catalogue: &Catalogue, profile: &str, count: bool) -> Exit {
+    match catalogue.device(profile) {
+        Ok(device) if count => print(&counts(&device)),
+        Ok(device) => print(&super::profile_page::page(&device)),
+        Err(error @ ProfileError::Broken { .. }) => {
+            complain(&error.to_string());
+            return Exit::Profile;
+        }
+        Err(error) => {
+            complain(&format!("{error} (cobscope profiles list)"));
+            return Exit::Usage;
+        }
+    }
+    Exit::Clean
+}
+
+/// How much of a device is described.
+fn counts(device: &Device) -> String {
+    let fields = device.pdos.iter().map(|pdo| pdo.fields.len()).sum::<usize>();
+    let states = device.machines.iter().map(|machine| machine.states.len()).sum::<usize>();
+    let rows = [
+        ("object entries", device.object_count()),
+        ("EMCY codes", device.emcy.code.len()),
+        ("abort codes", device.aborts.len()),
+        ("PDO layouts", device.pdos.len()),
+        ("PDO fields", fields),
+        ("state machines", device.machines.len()),
+        ("states", states),
+        ("gates", device.gates.len()),
+        ("procedures", device.procedures.len()),
+        ("rules", device.rules.len()),
+        ("waivers", device.waivers.len()),
+        ("samples", device.samples.len()),
+    ];
+    let mut text = format!("{}\n", device.full_id);
+    for (name, number) in rows {
+        let _ = writeln!(text, "  {name:<16} {number}");
+    }
+    text
+}
+
+fn check_files(files: &[std::path::PathBuf]) -> Exit {
+    let mut exit = Exit::Clean;
+    for path in files {
+        let name = path.display().to_string();
+        match std::fs::read_to_string(path) {
+            Ok(text) => {
+                if !check_one(path, &name, &text) {
+                    exit = Exit::Profile;
+                }
+            }
+            Err(error) => {
+                complain(&format!("{}: {error}", escape(&name)));
+                exit = Exit::Profile;
+            }
+        }
+    }
+    exit
+}
+
+/// Checks all variants of a profile; standards are taken from this program and from the file's folder.
+fn check_one(path: &Path, name: &str, text: &str) -> bool {
+    let mut catalogue = Catalogue::default();
+    let folder = path.parent().unwrap_or(Path::new("."));
+    super::input::add_folder(&mut catalogue, folder, Some(path));
+    if let Err(error) = catalogue.add_text(name, text) {
+        complain(&error.to_string());
+        return false;
+    }
+    let Ok(file) = ProfileFile::parse(text) else { return false };
+    let variants: Vec<Option<&str>> = match file.variants() {
+        [] => vec![None],
+        variants => variants.iter().map(|variant| Some(variant.id.as_str())).collect(),
+    };
+    let mut said: Vec<String> = Vec::new();
+    let mut samples = 0;
+    for variant in variants {
+        let id = variant.map_or(file.id().to_owned(), |variant| format!("{}:{variant}", file.id()));
+        match catalogue.device(&id) {
+            Ok(device) => {
+                samples += device.samples.len();
+                said.extend(check(text, &file, &device).iter().map(|error| error.show(name)));
+            }
+            Err(error) => said.push(error.to_string()),
+        }
+    }
+    said.dedup();
+    for error in &said {
+        complain(error);
+    }
+    if said.is_empty() {
+        print(&format!("{}: ok, {samples} samples\n", escape(name)));
+    }
+    said.is_empty()
+}
