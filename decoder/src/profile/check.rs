@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use super::authored::Wrong;
 use super::data_type::DataType;
-use super::device::{Condition, Device, Machine, Mapping, ProfileFile, Trigger, Wanted};
+use super::device::{Condition, Device, Machine, ProfileFile, Trigger, Wanted};
 use super::dictionary::{Dictionary, Entry, Object};
 use super::layout::PdoName;
 use super::object::{BitNames, Given, Look, Names, Only, Scale, When};
@@ -82,7 +82,7 @@ impl Check<'_> {
             }
         }
         if let Some(save) = entry.save {
-            self.reference(save, object, &entry.span, "save");
+            self.known(save, &entry.span, "save");
         }
     }
 
@@ -217,9 +217,6 @@ impl Check<'_> {
             let bits = pdo.fields.iter().fold(0_u16, |bits, field| bits.saturating_add(field.bits));
             if bits > FRAME_BITS {
                 self.say(span, format!("{} has {bits} bits; a frame holds {FRAME_BITS}", pdo.pdo));
-            }
-            if pdo.fields.is_empty() && pdo.mapping == Mapping::Fixed {
-                self.say(span, format!("{} is fixed but has no fields", pdo.pdo));
             }
             for field in &pdo.fields {
                 let Some(object) = field.object else { continue };

@@ -80,13 +80,13 @@ fn assignments(
 pub(super) fn catalogue(folders: &[PathBuf]) -> Catalogue {
     let mut catalogue = Catalogue::default();
     if let Some(folder) = user_folder().filter(|folder| folder.is_dir()) {
-        add_folder(&mut catalogue, &folder, None);
+        add_folder(&mut catalogue, &folder);
     }
     for folder in folders {
         if !folder.is_dir() {
             warn(&format!("{}: is no folder", folder.display()));
         }
-        add_folder(&mut catalogue, folder, None);
+        add_folder(&mut catalogue, folder);
     }
     catalogue
 }
@@ -98,17 +98,30 @@ fn user_folder() -> Option<PathBuf> {
     Some(config?.join("cobscope").join("profiles"))
 }
 
-/// Adds the profiles of a folder but one. A broken one is said, and stops the program only where a node
+/// Adds the profiles of a folder. A broken one is said, and stops the program only where a node
 /// uses it.
-pub(super) fn add_folder(catalogue: &mut Catalogue, folder: &Path, but: Option<&Path>) {
-    let Ok(entries) = std::fs::read_dir(folder) else { return };
-    let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
-    paths.sort();
-    for path in paths.iter().filter(|path| Some(path.as_path()) != but) {
-        if path.extension().is_some_and(|extension| extension == "toml") {
-            add_file(catalogue, path);
-        }
+fn add_folder(catalogue: &mut Catalogue, folder: &Path) {
+    for path in profiles_in(folder) {
+        add_file(catalogue, &path);
     }
+}
+
+/// Adds the other profiles of a folder, which one of them may extend.
+pub(super) fn add_siblings(catalogue: &mut Catalogue, folder: &Path, but: &Path) {
+    for path in profiles_in(folder).iter().filter(|path| path.as_path() != but) {
+        let text = std::fs::read_to_string(path).unwrap_or_default();
+        // What is wrong with one of them matters only to a profile that extends it, which says so.
+        let _ = catalogue.add_text(&path.display().to_string(), &text);
+    }
+}
+
+fn profiles_in(folder: &Path) -> Vec<PathBuf> {
+    let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
+    let all = entries.flatten().map(|entry| entry.path());
+    let is_profile = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "toml");
+    let mut paths: Vec<PathBuf> = all.filter(is_profile).collect();
+    paths.sort();
+    paths
 }
 
 fn add_file(catalogue: &mut Catalogue, path: &Path) {

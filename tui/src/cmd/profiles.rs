@@ -121,7 +121,7 @@ fn check_files(files: &[std::path::PathBuf]) -> Exit {
 fn check_one(path: &Path, name: &str, text: &str) -> bool {
     let mut catalogue = Catalogue::default();
     let folder = path.parent().unwrap_or(Path::new("."));
-    super::input::add_folder(&mut catalogue, folder, Some(path));
+    super::input::add_siblings(&mut catalogue, folder, path);
     if let Err(error) = catalogue.add_text(name, text) {
         complain(&error.to_string());
         return false;

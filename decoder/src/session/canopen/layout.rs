@@ -25,10 +25,10 @@ pub(super) fn layout(node: &Node, name: PdoName) -> Option<Layout> {
     };
     let is_fixed = spec.is_some_and(|spec| spec.mapping == Mapping::Fixed);
     let mut layout = match spec {
-        Some(spec) if is_fixed => of_profile(spec, assumed, &mut resolver),
+        Some(spec) if is_fixed => of_profile(spec, assumed, &mut resolver)?,
         _ => match mapped(node, name, &mut resolver) {
             Some(layout) => layout,
-            None => of_profile(spec.filter(|spec| spec.mapping == Mapping::Default)?, true, &mut resolver),
+            None => of_profile(spec.filter(|spec| spec.mapping == Mapping::Default)?, true, &mut resolver)?,
         },
     };
     layout.depends = resolver.looked_at;
@@ -49,7 +49,11 @@ fn spec<'a>(node: &'a Node, name: PdoName, resolver: &mut Resolver<'_>) -> Optio
     None
 }
 
-fn of_profile(spec: &PdoSpec, assumed: bool, resolver: &mut Resolver<'_>) -> Layout {
+/// `None` where the profile says that there is such a PDO, but not what is in it.
+fn of_profile(spec: &PdoSpec, assumed: bool, resolver: &mut Resolver<'_>) -> Option<Layout> {
+    if spec.fields.is_empty() {
+        return None;
+    }
     let mut layout = Layout { origin: "profile", assumed, ..Layout::default() };
     for PdoField { object, bits, .. } in &spec.fields {
         if let Some(object) = object {
@@ -57,7 +61,7 @@ fn of_profile(spec: &PdoSpec, assumed: bool, resolver: &mut Resolver<'_>) -> Lay
         }
         layout.bits = layout.bits.saturating_add(*bits);
     }
-    layout
+    Some(layout)
 }
 
 /// The layout the mapping parameters give, as far as all of them are known.
