@@ -9,6 +9,7 @@ mod check;
 mod connection_set;
 mod data_type;
 pub mod device;
+pub mod device_file;
 mod dictionary;
 mod layout;
 mod lookup;

@@ -1,0 +1,232 @@
+//! EDS and DCF (CiA 306-1): the device, the lists of its objects, and the objects.
+
+use std::collections::btree_map::{BTreeMap, Entry};
+
+use super::ini::{Ini, Section};
+use super::number::integer;
+use super::object::{Context, Sections};
+use super::problem::Problems;
+use super::section::SectionName;
+use super::value::uncommented;
+use super::{DeviceFile, DeviceFileError, DeviceObject, Kind, MOST_ENTRIES};
+
+/// Sections that list the objects (CiA 306-1 §4.6.2).
+const LISTS: [&str; 3] = ["mandatoryobjects", "optionalobjects", "manufacturerobjects"];
+
+/// Sections a DCF adds (CiA 306-1 §4.7): the standard's spelling and the right one.
+const COMMISSIONING: [&str; 2] = ["devicecomissioning", "devicecommissioning"];
+
+/// Bit rates that have a keyword, in kbit/s.
+const BIT_RATES: [u32; 8] = [10, 20, 50, 125, 250, 500, 800, 1000];
+
+/// Reads the file.
+pub(super) fn parse(text: &str) -> Result<DeviceFile, DeviceFileError> {
+    let mut problems = Problems::default();
+    let ini = Ini::parse(text, &mut problems);
+    let mut context = Context { ini: &ini, problems: &mut problems };
+    let objects = sort(&mut context);
+    let is_known =
+        ["deviceinfo", "fileinfo"].iter().chain(&COMMISSIONING).any(|key| ini.section(key).is_some());
+    if objects.is_empty() && !is_known {
+        return Err(DeviceFileError::NoSection);
+    }
+    let mut file = DeviceFile::new(kind(&ini));
+    device_info(&mut context, &mut file);
+    commissioning(&mut context, &mut file);
+    check_lists(&mut context, &objects);
+    for (index, sections) in &objects {
+        let mut entries = context.object(*index, sections);
+        let room = MOST_ENTRIES.saturating_sub(file.objects.len());
+        if entries.len() > room {
+            let line = entries.get(room).map_or(0, |entry| entry.line);
+            context
+                .problems
+                .add(line, format!("not read from {index:04X} on: more than {MOST_ENTRIES} entries"));
+            entries.truncate(room);
+            file.objects.extend(entries);
+            break;
+        }
+        check_limits(&mut context, &entries);
+        file.objects.extend(entries);
+    }
+    file.complete_identity(&mut problems);
+    file.problems = problems.finish();
+    Ok(file)
+}
+
+/// Sections by index. Of two that are about the same the first counts, as for Windows, whose functions
+/// these files were made for.
+fn sort(context: &mut Context<'_, '_>) -> BTreeMap<u16, Sections> {
+    let mut objects = BTreeMap::<u16, Sections>::new();
+    let mut of_modules = Vec::new();
+    for (at, section) in context.ini.sections.iter().enumerate() {
+        let is_new = match SectionName::of(&section.key) {
+            SectionName::Object(index) => take(&mut objects.entry(index).or_default().main, at),
+            SectionName::Sub(index, sub) => match objects.entry(index).or_default().subs.entry(sub) {
+                Entry::Vacant(vacant) => *vacant.insert(at) == at,
+                Entry::Occupied(_) => false,
+            },
+            SectionName::Names(index) => take(&mut objects.entry(index).or_default().names, at),
+            SectionName::Values(index) => take(&mut objects.entry(index).or_default().values, at),
+            SectionName::Denotations(index) => take(&mut objects.entry(index).or_default().denotations, at),
+            SectionName::ModuleFixed(index, sub) => {
+                of_modules.push((at, index, sub));
+                true
+            }
+            SectionName::ModuleExtension => {
+                context.problems.add(
+                    section.line,
+                    format!("[{}] not read: its sub-indices depend on the modules plugged in", section.name),
+                );
+                true
+            }
+            SectionName::Strange => {
+                context.problems.add(section.line, format!("[{}] is no section of an object", section.name));
+                true
+            }
+            SectionName::Other => context.ini.is_first(at),
+        };
+        if !is_new {
+            context
+                .problems
+                .add(section.line, format!("[{}] is there before; that one counts", section.name));
+        }
+    }
+    // An object of a module is at the same address wherever the module is; what the device itself says of
+    // that address counts, and of several modules the first.
+    for (at, index, sub) in of_modules {
+        let sections = objects.entry(index).or_default();
+        match sub {
+            None => _ = sections.main.get_or_insert(at),
+            Some(sub) => _ = sections.subs.entry(sub).or_insert(at),
+        }
+    }
+    objects
+}
+
+fn take(place: &mut Option<usize>, at: usize) -> bool {
+    *place.get_or_insert(at) == at
+}
+
+/// A DCF has what an EDS has, and what one device is configured to.
+fn kind(ini: &Ini<'_>) -> Kind {
+    let is_dcf = COMMISSIONING.iter().any(|key| ini.section(key).is_some())
+        || ini.section("connectedmodules").is_some()
+        || ini.sections.iter().any(|section| section.value("parametervalue").is_some());
+    if is_dcf { Kind::Dcf } else { Kind::Eds }
+}
+
+/// `[DeviceInfo]` (CiA 306-1 §4.5).
+fn device_info(context: &mut Context<'_, '_>, file: &mut DeviceFile) {
+    let Some(section) = context.ini.section("deviceinfo") else {
+        context.problems.add(0, "no section [DeviceInfo]: vendor and product are those of object 1018");
+        return;
+    };
+    let text = |context: &mut Context<'_, '_>, key| section.entry(key).and_then(|entry| context.text(entry));
+    file.vendor_name = text(context, "vendorname").unwrap_or_default();
+    file.product_name = text(context, "productname").unwrap_or_default();
+    file.vendor_id = ranged(context, section, "vendornumber");
+    file.product_code = ranged(context, section, "productnumber");
+    file.revision = ranged(context, section, "revisionnumber");
+    for rate in BIT_RATES {
+        if context.number(section, &format!("baudrate_{rate}")).is_some_and(|number| number != 0) {
+            file.bit_rates.push(rate.saturating_mul(1000));
+        }
+    }
+}
+
+/// `[DeviceComissioning]` (CiA 306-1 §4.7.1).
+fn commissioning(context: &mut Context<'_, '_>, file: &mut DeviceFile) {
+    let Some(section) = COMMISSIONING.iter().find_map(|key| context.ini.section(key)) else { return };
+    file.node_name = section.entry("nodename").and_then(|entry| context.text(entry)).unwrap_or_default();
+    let node_id: Option<u32> = ranged(context, section, "nodeid");
+    file.node_id = node_id.and_then(|id| u8::try_from(id).ok()).filter(|id| (1..=127).contains(id));
+    if let Some(id) = node_id.filter(|_| file.node_id.is_none()) {
+        let line = section.entry("nodeid").map_or(section.line, |entry| entry.line);
+        context.problems.add(line, format!("NodeID {id}: expected 1 to 127"));
+    }
+    // In kbit/s; 0 is none.
+    let rate: Option<u32> = ranged(context, section, "baudrate");
+    file.bit_rate = rate.and_then(|rate| rate.checked_mul(1000)).filter(|rate| *rate != 0);
+}
+
+/// A number of 32 bits.
+fn ranged(context: &mut Context<'_, '_>, section: &Section<'_>, key: &str) -> Option<u32> {
+    let entry = section.entry(key)?;
+    let found = integer(uncommented(entry.value));
+    let number = found.and_then(|found| u32::try_from(found.value).ok());
+    let doubt = match found {
+        _ if uncommented(entry.value).is_empty() => return None,
+        Some(found) if number.is_some() => found.doubt,
+        _ => Some("expected a number of 32 bits"),
+    };
+    if let Some(doubt) = doubt {
+        context
+            .problems
+            .add(entry.line, format!("{}={}: {doubt}", entry.key, super::problem::quote(entry.value)));
+    }
+    number
+}
+
+/// Every object of the lists needs a section, and every object from 1000 on a place in a list.
+fn check_lists(context: &mut Context<'_, '_>, objects: &BTreeMap<u16, Sections>) {
+    let mut listed = std::collections::BTreeSet::new();
+    let lists: Vec<_> = LISTS.iter().filter_map(|key| context.ini.section(key)).collect();
+    for section in &lists {
+        let mut count = 0_i128;
+        for (_, entry) in section.numbered() {
+            count = count.saturating_add(1);
+            let number = integer(uncommented(entry.value)).and_then(|found| u16::try_from(found.value).ok());
+            let Some(index) = number else {
+                context
+                    .problems
+                    .add(entry.line, format!("{}: expected an index", super::problem::quote(entry.value)));
+                continue;
+            };
+            listed.insert(index);
+            if objects.get(&index).is_none_or(|sections| sections.main.is_none()) {
+                context
+                    .problems
+                    .add(entry.line, format!("{index:04X} is listed, but there is no section [{index:04X}]"));
+            }
+        }
+        if let Some(announced) =
+            context.number(section, "supportedobjects").filter(|announced| *announced != count)
+        {
+            context.problems.add(
+                section.line,
+                format!("SupportedObjects {announced} of [{}], but {count} are listed", section.name),
+            );
+        }
+    }
+    if lists.is_empty() {
+        context.problems.add(0, "no section lists the objects: expected [MandatoryObjects]");
+        return;
+    }
+    for (index, sections) in objects.range(0x1000..) {
+        let section =
+            sections.main.filter(|_| !listed.contains(index)).and_then(|at| context.ini.sections.get(at));
+        if let Some(section) = section.filter(|section| !section.key.starts_with('m')) {
+            context
+                .problems
+                .add(section.line, format!("[{}] is in no list of objects; read all the same", section.name));
+        }
+    }
+}
+
+/// Limits that no value is within.
+fn check_limits(context: &mut Context<'_, '_>, entries: &[DeviceObject]) {
+    for entry in entries {
+        let limits = (
+            entry.low.as_ref().and_then(|low| low.number(0)),
+            entry.high.as_ref().and_then(|high| high.number(0)),
+        );
+        if let (Some(low), Some(high)) = limits
+            && low > high
+        {
+            context
+                .problems
+                .add(entry.line, format!("{}: LowLimit {low} is above HighLimit {high}", entry.address));
+        }
+    }
+}

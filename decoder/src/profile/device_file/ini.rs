@@ -1,0 +1,192 @@
+//! Lines to sections and keywords (CiA 306-1 §4), whatever the lines end with.
+
+use std::collections::{HashMap, HashSet};
+
+use foldhash::fast::RandomState;
+use memchr::memchr2;
+
+use super::LONGEST_VALUE;
+use super::problem::{Problems, quote};
+
+/// A file, section by section, in its order.
+#[derive(Debug, Default)]
+pub(super) struct Ini<'a> {
+    /// All sections, also those whose name came before.
+    pub(super) sections: Vec<Section<'a>>,
+    by_name: HashMap<String, usize, RandomState>,
+}
+
+/// `[name]` and what follows.
+#[derive(Debug)]
+pub(super) struct Section<'a> {
+    /// As it is written.
+    pub(super) name: &'a str,
+    /// In lower case, without spaces.
+    pub(super) key: String,
+    /// Line, from 1.
+    pub(super) line: usize,
+    /// Keywords in their order; each key once.
+    pub(super) entries: Vec<Entry<'a>>,
+}
+
+/// `keyword=value`
+#[derive(Debug)]
+pub(super) struct Entry<'a> {
+    /// The keyword in lower case, without spaces: editors write `Supported Objects`.
+    pub(super) key: String,
+    /// Trimmed; may have a comment behind it and be empty.
+    pub(super) value: &'a str,
+    /// Line, from 1.
+    pub(super) line: usize,
+}
+
+impl<'a> Ini<'a> {
+    /// Reads all lines. What is neither section nor keyword nor comment is a problem.
+    pub(super) fn parse(text: &'a str, problems: &mut Problems) -> Self {
+        let mut ini = Self::default();
+        let mut keys = HashSet::<String, RandomState>::default();
+        for (line, text) in lines(text) {
+            let text = text.trim();
+            if text.is_empty() || text.starts_with([';', '#']) {
+                continue;
+            }
+            if let Some(name) = text.strip_prefix('[') {
+                ini.sections.push(section(name, line, problems));
+                // A new set: emptying one costs what it once held.
+                keys = HashSet::default();
+                continue;
+            }
+            let Some((key, value)) = text.split_once('=') else {
+                problems.add(line, format!("{}: expected keyword=value", quote(text)));
+                continue;
+            };
+            let Some(section) = ini.sections.last_mut() else {
+                problems.add(line, format!("{}: before the first section", quote(text)));
+                continue;
+            };
+            let (key, value) = (normalised(key), value.trim());
+            if keys.insert(key.clone()) {
+                section.entries.push(Entry { key, value, line });
+            } else {
+                problems.add(
+                    line,
+                    format!("{}: the keyword is in this section before; that one counts", quote(text)),
+                );
+            }
+        }
+        for (at, section) in ini.sections.iter().enumerate() {
+            ini.by_name.entry(section.key.clone()).or_insert(at);
+        }
+        ini
+    }
+
+    /// The first section of a name, given in lower case.
+    pub(super) fn section(&self, key: &str) -> Option<&Section<'a>> {
+        self.sections.get(*self.by_name.get(key)?)
+    }
+
+    /// Whether the section at a position is the first of its name.
+    pub(super) fn is_first(&self, at: usize) -> bool {
+        self.sections.get(at).and_then(|section| self.by_name.get(&section.key)) == Some(&at)
+    }
+}
+
+impl<'a> Section<'a> {
+    /// The entry of a keyword, given in lower case.
+    pub(super) fn entry(&self, key: &str) -> Option<&Entry<'a>> {
+        self.entries.iter().find(|entry| entry.key == key)
+    }
+
+    /// Its value; none if there is no such keyword or nothing behind it.
+    pub(super) fn value(&self, key: &str) -> Option<&'a str> {
+        self.entry(key).map(|entry| entry.value).filter(|value| !value.is_empty())
+    }
+
+    /// Entries whose keyword is a number, as lists have them.
+    pub(super) fn numbered(&self) -> impl Iterator<Item = (u64, &Entry<'a>)> {
+        self.entries.iter().filter_map(|entry| Some((entry.key.parse().ok()?, entry)))
+    }
+}
+
+/// Lines with their numbers, ended by LF, CR LF or CR.
+fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    let mut rest = Some(text);
+    let mut number = 0_usize;
+    std::iter::from_fn(move || {
+        let text = rest.take()?;
+        number = number.saturating_add(1);
+        let Some((line, after)) =
+            memchr2(b'\n', b'\r', text.as_bytes()).and_then(|at| text.split_at_checked(at))
+        else {
+            return Some((number, text));
+        };
+        rest = after.strip_prefix("\r\n").or_else(|| after.get(1..));
+        Some((number, line))
+    })
+}
+
+/// What stands behind `[`. Without the bracket that ends it the name is what there is.
+fn section<'a>(text: &'a str, line: usize, problems: &mut Problems) -> Section<'a> {
+    let (name, rest) = text.split_once(']').unwrap_or_else(|| {
+        problems.add(line, format!("{}: expected ] behind the name of the section", quote(text)));
+        (text, "")
+    });
+    let rest = rest.trim();
+    if !rest.is_empty() && !rest.starts_with([';', '#']) {
+        problems
+            .add(line, format!("{}: not read, expected nothing behind the name of a section", quote(rest)));
+    }
+    let name = name.trim();
+    let name = name.char_indices().nth(LONGEST_VALUE).map_or(name, |(at, _)| name.split_at(at).0);
+    Section { name, key: normalised(name), line, entries: Vec::new() }
+}
+
+fn normalised(name: &str) -> String {
+    name.chars().filter(|letter| !letter.is_whitespace()).map(|letter| letter.to_ascii_lowercase()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> (Ini<'_>, Vec<String>) {
+        let mut problems = Problems::default();
+        let ini = Ini::parse(text, &mut problems);
+        (ini, problems.finish().iter().map(ToString::to_string).collect())
+    }
+
+    #[test]
+    fn every_line_end_counts_one_line() {
+        let found: Vec<_> = lines("a\r\nb\rc\n\nd").collect();
+        assert_eq!(found, [(1, "a"), (2, "b"), (3, "c"), (4, ""), (5, "d")]);
+        assert_eq!(lines("").count(), 1);
+    }
+
+    #[test]
+    fn sections_and_keywords_in_any_spelling() {
+        let (ini, problems) =
+            parse("; c\n[Device Info] # c\n Vendor Name = ACME = 1 \n# c\n[1003SUB0a]\nx=\n");
+        assert!(problems.is_empty(), "{problems:?}");
+        let section = ini.section("deviceinfo").unwrap();
+        assert_eq!((section.line, section.value("vendorname")), (2, Some("ACME = 1")));
+        let section = ini.section("1003sub0a").unwrap();
+        assert_eq!((section.value("x"), section.entry("x").map(|entry| entry.line)), (None, Some(6)));
+    }
+
+    #[test]
+    fn what_is_no_line_of_an_eds_is_said_and_skipped() {
+        let (ini, problems) = parse("lost=1\n[a\nx=1\nno equals sign\nX = 2\n[b] what\n[a]\ny=1");
+        assert_eq!(
+            problems,
+            [
+                "line 1: \"lost=1\": before the first section",
+                "line 2: \"a\": expected ] behind the name of the section",
+                "line 4: \"no equals sign\": expected keyword=value",
+                "line 5: \"X = 2\": the keyword is in this section before; that one counts",
+                "line 6: \"what\": not read, expected nothing behind the name of a section",
+            ]
+        );
+        assert_eq!(ini.section("a").unwrap().value("x"), Some("1"));
+        assert_eq!((ini.is_first(0), ini.is_first(2), ini.is_first(9)), (true, false, false));
+    }
+}

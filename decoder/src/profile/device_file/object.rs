@@ -1,0 +1,342 @@
+//! An object's sections to its entries (CiA 306-1 §4.6.3, §4.7).
+
+use std::collections::BTreeMap;
+
+use super::code::{Access, ObjectType, data_type};
+use super::ini::{Entry, Ini, Section};
+use super::number::integer;
+use super::problem::{Problems, quote};
+use super::value::{Given, Reading, uncommented, uncommented_text};
+use super::{DeviceObject, LONGEST_VALUE};
+use crate::profile::DataType;
+use crate::wire::canopen::ObjectAddress;
+
+/// Positions of the sections of one index.
+#[derive(Debug, Default)]
+pub(super) struct Sections {
+    /// `[1003]`
+    pub(super) main: Option<usize>,
+    /// `[1003sub1]` by sub-index.
+    pub(super) subs: BTreeMap<u8, usize>,
+    /// `[1003Name]`
+    pub(super) names: Option<usize>,
+    /// `[1003Value]`
+    pub(super) values: Option<usize>,
+    /// `[1003Denotation]`
+    pub(super) denotations: Option<usize>,
+}
+
+/// The file an object stands in, and what is wrong with it so far.
+pub(super) struct Context<'a, 'p> {
+    pub(super) ini: &'a Ini<'a>,
+    pub(super) problems: &'p mut Problems,
+}
+
+/// Keywords of one compact list by sub-index.
+type List<'a> = BTreeMap<u8, &'a Entry<'a>>;
+
+impl<'a> Context<'a, '_> {
+    /// All entries of an index, by sub-index.
+    pub(super) fn object(&mut self, index: u16, sections: &Sections) -> Vec<DeviceObject> {
+        let main = sections.main.and_then(|at| self.ini.sections.get(at));
+        let Some(main) = main else {
+            if let Some(section) = sections.subs.values().next().and_then(|at| self.ini.sections.get(*at)) {
+                self.problems
+                    .add(section.line, format!("[{}] without a section [{index:04X}]", section.name));
+            }
+            return self.subs(index, sections, &Entries::default()).into_values().collect();
+        };
+        let object_type = self.object_type(main);
+        let mut entries = Entries {
+            object_name: self.name(main, "parametername").unwrap_or_default(),
+            ..Entries::default()
+        };
+        if object_type == ObjectType::Type || object_type == ObjectType::Null {
+            return Vec::new();
+        }
+        let compact = self.compact(main);
+        if sections.subs.is_empty() && compact == 0 {
+            if object_type.has_entries() {
+                self.problems.add(
+                    main.line,
+                    format!("[{}] has entries by its ObjectType, but there is no section of one", main.name),
+                );
+                return Vec::new();
+            }
+            return vec![self.entry(ObjectAddress::new(index, 0), main, &entries, object_type)];
+        }
+        if !object_type.has_entries() {
+            self.problems.add(
+                main.line,
+                format!("[{}] is a variable by its ObjectType, but has entries; read as record", main.name),
+            );
+        }
+        if object_type == ObjectType::Array {
+            entries.data_type =
+                main.value("datatype").and_then(|text| data_type(integer(uncommented(text))?.value));
+        }
+        let mut found = self.subs(index, sections, &entries);
+        self.check_count(main, compact, &found);
+        for entry in self.compact_entries(index, sections, main, compact, &entries) {
+            found.entry(entry.address.sub).or_insert(entry);
+        }
+        found.into_values().collect()
+    }
+
+    fn subs(&mut self, index: u16, sections: &Sections, entries: &Entries) -> BTreeMap<u8, DeviceObject> {
+        let mut found = BTreeMap::new();
+        for (sub, at) in &sections.subs {
+            let Some(section) = self.ini.sections.get(*at) else { continue };
+            let mut entry = self.entry(ObjectAddress::new(index, *sub), section, entries, ObjectType::Var);
+            entry.entry_name = self.name(section, "parametername");
+            found.insert(*sub, entry);
+        }
+        found
+    }
+
+    /// One section with a value.
+    fn entry(
+        &mut self,
+        address: ObjectAddress,
+        section: &Section<'a>,
+        entries: &Entries,
+        object_type: ObjectType,
+    ) -> DeviceObject {
+        let fallback = match object_type {
+            ObjectType::Domain => Some(DataType::Domain),
+            _ => entries.data_type.filter(|_| address.sub > 0),
+        };
+        let data_type = self.data_type(section, fallback);
+        DeviceObject {
+            address,
+            object_name: entries.object_name.clone(),
+            entry_name: None,
+            denotation: section.value("denotation").and_then(|_| self.name(section, "denotation")),
+            data_type,
+            access: self.access(section),
+            default: self.given(section, "defaultvalue", data_type, Given::read),
+            low: self.given(section, "lowlimit", data_type, Given::read_limit),
+            high: self.given(section, "highlimit", data_type, Given::read_limit),
+            value: self.given(section, "parametervalue", data_type, Given::read),
+            mappable: self.number(section, "pdomapping").map(|number| number != 0),
+            line: section.line,
+        }
+    }
+
+    /// The entries `CompactSubObj` stands for: sub-index 0 and as many others, alike but for the names and
+    /// values that have a section of their own (CiA 306-1 §4.6.3, §4.7.2).
+    fn compact_entries(
+        &mut self,
+        index: u16,
+        sections: &Sections,
+        main: &Section<'a>,
+        last: u8,
+        entries: &Entries,
+    ) -> Vec<DeviceObject> {
+        if last == 0 {
+            for at in [sections.names, sections.values, sections.denotations].into_iter().flatten() {
+                if let Some(section) = self.ini.sections.get(at) {
+                    self.problems.add(
+                        section.line,
+                        format!("[{}] not read: [{index:04X}] has no CompactSubObj", section.name),
+                    );
+                }
+            }
+            return Vec::new();
+        }
+        let mut model = self.entry(ObjectAddress::new(index, 1), main, entries, ObjectType::Var);
+        model.value = None;
+        let names = self.list(sections.names, last);
+        let denotations = self.list(sections.denotations, last);
+        let values = self.list(sections.values, last);
+        let mut found = vec![number_of_entries(&model, last)];
+        for sub in 1..=last {
+            let mut entry = model.clone();
+            entry.address.sub = sub;
+            let name = names.get(&sub).and_then(|name| self.text(name));
+            entry.entry_name = Some(name.unwrap_or_else(|| format!("{}{sub}", model.object_name)));
+            entry.denotation = denotations.get(&sub).and_then(|name| self.text(name));
+            if let Some(value) = values.get(&sub) {
+                entry.value = self.reading(
+                    value,
+                    "ParameterValue",
+                    Given::read(uncommented_text(value.value), model.data_type),
+                );
+                entry.line = value.line;
+            }
+            found.push(entry);
+        }
+        found
+    }
+
+    /// The entries of `[1003Name]` and its like up to `last`.
+    fn list(&mut self, at: Option<usize>, last: u8) -> List<'a> {
+        let mut list = List::new();
+        let Some(section) = at.and_then(|at| self.ini.sections.get(at)) else { return list };
+        for (number, entry) in section.numbered() {
+            match u8::try_from(number) {
+                Ok(sub) if (1..=last).contains(&sub) => _ = list.insert(sub, entry),
+                _ => self
+                    .problems
+                    .add(entry.line, format!("sub-index {number} not read: CompactSubObj is {last}")),
+            }
+        }
+        list
+    }
+
+    /// `SubNumber` counts the sub-indices (CiA 306-1 §4.6.3).
+    fn check_count(&mut self, main: &Section<'a>, compact: u8, found: &BTreeMap<u8, DeviceObject>) {
+        let Some(entry) = main.entry("subnumber").filter(|_| compact == 0) else { return };
+        let announced = self.number(main, "subnumber");
+        if announced.is_some_and(|announced| i128::try_from(found.len()) != Ok(announced)) {
+            let reason = format!(
+                "SubNumber {} of [{}], but {} sections of sub-indices",
+                entry.value,
+                main.name,
+                found.len()
+            );
+            self.problems.add(entry.line, reason);
+        }
+    }
+
+    /// A missing `ObjectType` is 7, VAR (CiA 306-1 §4.6.3.2).
+    fn object_type(&mut self, section: &Section<'a>) -> ObjectType {
+        let Some(code) = self.number(section, "objecttype") else { return ObjectType::Var };
+        ObjectType::of(code).unwrap_or_else(|| {
+            let line = section.entry("objecttype").map_or(section.line, |entry| entry.line);
+            self.problems.add(line, format!("ObjectType {code} is none of CiA 301; read as variable"));
+            ObjectType::Var
+        })
+    }
+
+    /// `CompactSubObj`: the last sub-index. 255 would be the structure of the object itself.
+    fn compact(&mut self, section: &Section<'a>) -> u8 {
+        let Some(number) = self.number(section, "compactsubobj") else { return 0 };
+        u8::try_from(number).ok().filter(|last| *last < u8::MAX).unwrap_or_else(|| {
+            let line = section.entry("compactsubobj").map_or(section.line, |entry| entry.line);
+            self.problems.add(line, format!("CompactSubObj {number}: expected 0 to 254"));
+            0
+        })
+    }
+
+    fn data_type(&mut self, section: &Section<'a>, fallback: Option<DataType>) -> Option<DataType> {
+        if section.value("datatype").is_none() {
+            if fallback.is_none() {
+                self.problems.add(section.line, format!("[{}] without DataType", section.name));
+            }
+            return fallback;
+        }
+        let code = self.number(section, "datatype")?;
+        let found = data_type(code).or_else(|| self.defined_type(code));
+        if found.is_none() {
+            let line = section.entry("datatype").map_or(section.line, |entry| entry.line);
+            self.problems.add(line, format!("DataType {code:#X} is no data type of CiA 301"));
+        }
+        found
+    }
+
+    /// A type the device defines: CANFestival gives an entry with limits a type `[A0]` of its own, whose
+    /// sub-index 1 holds the type it is made of.
+    fn defined_type(&self, code: i128) -> Option<DataType> {
+        let section = self
+            .ini
+            .section(&format!("{code:x}sub1"))
+            .or_else(|| self.ini.section(&format!("{code:04x}sub1")))?;
+        data_type(integer(uncommented(section.value("defaultvalue")?))?.value)
+    }
+
+    fn access(&mut self, section: &Section<'a>) -> Option<Access> {
+        let Some(entry) = section.entry("accesstype").filter(|entry| !uncommented(entry.value).is_empty())
+        else {
+            self.problems.add(section.line, format!("[{}] without AccessType", section.name));
+            return None;
+        };
+        let word = uncommented(entry.value);
+        let access = Access::of(word);
+        if access.is_none() {
+            self.problems.add(
+                entry.line,
+                format!("AccessType {}: expected ro, wo, rw, rwr, rww or const", quote(word)),
+            );
+        }
+        access
+    }
+
+    fn name(&mut self, section: &Section<'a>, key: &str) -> Option<String> {
+        let name = section.entry(key).and_then(|entry| self.text(entry));
+        if name.is_none() {
+            self.problems.add(section.line, format!("[{}] without ParameterName", section.name));
+        }
+        name
+    }
+
+    /// Text of a keyword that is not empty.
+    pub(super) fn text(&mut self, entry: &Entry<'_>) -> Option<String> {
+        let text = uncommented_text(entry.value);
+        let shown = text.char_indices().nth(LONGEST_VALUE).map_or(text, |(at, _)| text.split_at(at).0);
+        if shown.len() < text.len() {
+            self.problems
+                .add(entry.line, format!("{}: cut off after {LONGEST_VALUE} characters", quote(text)));
+        }
+        (!shown.is_empty()).then(|| shown.to_owned())
+    }
+
+    /// The number of a keyword; none if there is no such keyword, nothing behind it, or no number.
+    pub(super) fn number(&mut self, section: &Section<'a>, key: &str) -> Option<i128> {
+        let entry = section.entry(key)?;
+        let text = uncommented(entry.value);
+        let found = integer(text);
+        let complaint = match found {
+            None if text.is_empty() => return None,
+            None => Some("expected a number"),
+            Some(found) => found.doubt,
+        };
+        if let Some(complaint) = complaint {
+            self.problems.add(entry.line, format!("{}={}: {complaint}", entry.key, quote(text)));
+        }
+        found.map(|found| found.value)
+    }
+
+    fn given(
+        &mut self,
+        section: &Section<'a>,
+        key: &str,
+        data_type: Option<DataType>,
+        read: fn(&str, Option<DataType>) -> Reading,
+    ) -> Option<Given> {
+        let entry = section.entry(key)?;
+        self.reading(entry, key, read(uncommented_text(entry.value), data_type))
+    }
+
+    fn reading(&mut self, entry: &Entry<'_>, key: &str, (given, complaint): Reading) -> Option<Given> {
+        if let Some(complaint) = complaint {
+            self.problems.add(entry.line, format!("{key} {complaint}"));
+        }
+        given
+    }
+}
+
+/// What the entries of an object have in common.
+#[derive(Debug, Default)]
+struct Entries {
+    object_name: String,
+    data_type: Option<DataType>,
+}
+
+/// Sub-index 0 of a compact object, in the words of CiA 306-1 §4.6.3.
+fn number_of_entries(model: &DeviceObject, last: u8) -> DeviceObject {
+    DeviceObject {
+        address: ObjectAddress::new(model.address.index, 0),
+        object_name: model.object_name.clone(),
+        entry_name: Some("NrOfObjects".to_owned()),
+        denotation: None,
+        data_type: Some(DataType::Unsigned8),
+        access: Some(Access::Ro),
+        default: Some(Given::Number(i128::from(last))),
+        low: None,
+        high: None,
+        value: None,
+        mappable: Some(false),
+        line: model.line,
+    }
+}

@@ -1,0 +1,50 @@
+//! Bytes of a file to text. CiA 306-1 §4 asks for ASCII; what is on disk is what the maker's editor wrote.
+
+use std::borrow::Cow;
+
+/// Windows-1252 0x80..=0x9F; the rest of it is Latin-1. The five bytes without a character are themselves.
+const WINDOWS_1252: [char; 32] = [
+    '€', '\u{81}', '‚', 'ƒ', '„', '…', '†', '‡', 'ˆ', '‰', 'Š', '‹', 'Œ', '\u{8D}', 'Ž', '\u{8F}', '\u{90}',
+    '‘', '’', '“', '”', '•', '–', '—', '˜', '™', 'š', '›', 'œ', '\u{9D}', 'ž', 'Ÿ',
+];
+
+/// Text by its byte order mark, else UTF-8 if all of it can be that, else Windows-1252.
+pub(super) fn decode(bytes: &[u8]) -> Cow<'_, str> {
+    match bytes {
+        [0xEF, 0xBB, 0xBF, rest @ ..] => utf8_or_windows(rest),
+        [0xFF, 0xFE, rest @ ..] => Cow::Owned(utf16(rest, u16::from_le_bytes)),
+        [0xFE, 0xFF, rest @ ..] => Cow::Owned(utf16(rest, u16::from_be_bytes)),
+        _ => utf8_or_windows(bytes),
+    }
+}
+
+fn utf8_or_windows(bytes: &[u8]) -> Cow<'_, str> {
+    match std::str::from_utf8(bytes) {
+        Ok(text) => Cow::Borrowed(text),
+        Err(_) => Cow::Owned(bytes.iter().copied().map(windows_1252).collect()),
+    }
+}
+
+fn windows_1252(byte: u8) -> char {
+    let upper = byte.checked_sub(0x80).and_then(|at| WINDOWS_1252.get(usize::from(at)));
+    upper.copied().unwrap_or(char::from(byte))
+}
+
+fn utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> String {
+    let units = bytes.as_chunks().0.iter().map(|pair| unit(*pair));
+    char::decode_utf16(units).map(|character| character.unwrap_or(char::REPLACEMENT_CHARACTER)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn encodings_by_mark_then_by_content() {
+        assert_eq!(decode(b"\xEF\xBB\xBF[1000]"), "[1000]");
+        assert_eq!(decode("Größe".as_bytes()), "Größe");
+        assert_eq!(decode(b"Gr\xF6\xDFe \x80 \x94\x81"), "Größe € ”\u{81}");
+        assert_eq!(decode(b"\xFF\xFE[\0]\0"), "[]");
+        assert_eq!(decode(b"\xFE\xFF\0[\0]\xD8"), "[]");
+    }
+}

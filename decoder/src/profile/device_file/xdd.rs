@@ -1,0 +1,231 @@
+//! XDD and XDC (CiA 311).
+//!
+//! A `CANopenObject` says what an entry of an EDS says, itself or through `uniqueIDRef`: a `parameter` of
+//! the application process, which may stand behind it. So all is collected first and put together then.
+
+use std::collections::HashMap;
+
+use foldhash::fast::RandomState;
+
+use super::code::element_type;
+use super::problem::{Problems, quote};
+use super::xml::{Attributes, Element, Token, Xml};
+use super::{DeviceFile, DeviceFileError, Kind, LONGEST_VALUE, MOST_ENTRIES, xdd_object};
+use crate::profile::DataType;
+
+/// A `CANopenObject` or `CANopenSubObject`.
+#[derive(Debug)]
+pub(super) struct RawObject {
+    pub(super) is_sub: bool,
+    pub(super) attributes: Attributes,
+    pub(super) line: usize,
+}
+
+/// A `parameter`, or another element with a `uniqueID` that says what a value is.
+#[derive(Debug, Default)]
+pub(super) struct Described {
+    pub(super) access: Option<String>,
+    pub(super) data_type: Option<DataType>,
+    /// `dataTypeIDRef` or `templateIDRef`: where the rest is said.
+    pub(super) reference: Option<String>,
+    pub(super) default: Option<String>,
+    pub(super) actual: Option<String>,
+    pub(super) low: Option<String>,
+    pub(super) high: Option<String>,
+}
+
+/// By `uniqueID`.
+pub(super) type Descriptions = HashMap<String, Described, RandomState>;
+
+/// What has been read so far.
+struct Content {
+    file: DeviceFile,
+    problems: Problems,
+    objects: Vec<RawObject>,
+    descriptions: Descriptions,
+    /// Elements open.
+    depth: usize,
+    /// The description that is open: its depth and `uniqueID`.
+    open: Option<(usize, String, Described)>,
+    /// The element of the identity whose text is read.
+    identity: Option<Identity>,
+    /// Text of it so far.
+    text: String,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Identity {
+    VendorName,
+    VendorId,
+    ProductName,
+    ProductId,
+}
+
+/// Reads the file.
+pub(super) fn parse(text: &str) -> Result<DeviceFile, DeviceFileError> {
+    let mut content = Content {
+        file: DeviceFile::new(Kind::Xdd),
+        problems: Problems::default(),
+        objects: Vec::new(),
+        descriptions: Descriptions::default(),
+        depth: 0,
+        open: None,
+        identity: None,
+        text: String::new(),
+    };
+    let mut xml = Xml::new(text);
+    while let Some(token) = xml.next(&mut content.problems) {
+        match token {
+            Token::Open(element) => content.begin(&element),
+            Token::Close => content.end(),
+            Token::Text(text) if content.identity.is_some() => content.text.push_str(&text),
+            Token::Text(_) => {}
+        }
+    }
+    let Content { mut file, mut problems, objects, descriptions, .. } = content;
+    if objects.is_empty() {
+        return Err(DeviceFileError::NoObject);
+    }
+    file.objects = xdd_object::entries(&objects, &descriptions, &mut problems);
+    if file.objects.iter().any(|object| object.value.is_some()) {
+        file.kind = Kind::Xdc;
+    }
+    file.bit_rates.sort_unstable();
+    file.bit_rates.dedup();
+    file.complete_identity(&mut problems);
+    file.problems = problems.finish();
+    Ok(file)
+}
+
+impl Content {
+    fn begin(&mut self, element: &Element<'_>) {
+        self.depth = self.depth.saturating_add(1);
+        if self.open.is_some() {
+            self.describe(element);
+            return;
+        }
+        match element.name() {
+            name @ ("CANopenObject" | "CANopenSubObject") => self.object(name == "CANopenSubObject", element),
+            "parameter" | "parameterTemplate" | "array" | "derived" | "enum" | "varDeclaration" => {
+                let attributes = element.attributes(&mut self.problems);
+                let Some(id) = attributes.get("uniqueID") else { return };
+                let described = Described {
+                    access: attributes.get("access").map(str::to_owned),
+                    reference: attributes.get("templateIDRef").map(str::to_owned),
+                    ..Described::default()
+                };
+                self.open = Some((self.depth, id.to_owned(), described));
+            }
+            "vendorName" => self.identity = Some(Identity::VendorName),
+            "vendorID" => self.identity = Some(Identity::VendorId),
+            "productName" => self.identity = Some(Identity::ProductName),
+            "productID" => self.identity = Some(Identity::ProductId),
+            "supportedBaudRate" => {
+                let attributes = element.attributes(&mut self.problems);
+                self.file.bit_rates.extend(attributes.get("value").and_then(bit_rate));
+            }
+            "deviceCommissioning" | "DeviceCommissioning" => self.commissioning(element),
+            _ => {}
+        }
+    }
+
+    fn object(&mut self, is_sub: bool, element: &Element<'_>) {
+        let left_out = self.objects.len().checked_sub(MOST_ENTRIES);
+        if left_out.is_none() {
+            let attributes = element.attributes(&mut self.problems);
+            self.objects.push(RawObject { is_sub, attributes, line: element.line });
+            if self.objects.len() == MOST_ENTRIES {
+                self.problems.add(
+                    element.line,
+                    format!("objects not read behind this one: at most {MOST_ENTRIES} are"),
+                );
+            }
+        }
+    }
+
+    /// An element within a description: of those directly in it the type, of all others the values.
+    fn describe(&mut self, element: &Element<'_>) {
+        let Some((depth, _, described)) = &mut self.open else { return };
+        let is_child = depth.checked_add(1) == Some(self.depth);
+        if is_child && let Some(data_type) = element_type(element.name()) {
+            described.data_type.get_or_insert(data_type);
+            return;
+        }
+        let (place, attribute) = match element.name() {
+            "dataTypeIDRef" if is_child => (&mut described.reference, "uniqueIDRef"),
+            "defaultValue" => (&mut described.default, "value"),
+            "actualValue" => (&mut described.actual, "value"),
+            "minValue" => (&mut described.low, "value"),
+            "maxValue" => (&mut described.high, "value"),
+            _ => return,
+        };
+        if place.is_none() {
+            *place = element.attributes(&mut self.problems).get(attribute).map(str::to_owned);
+        }
+    }
+
+    fn end(&mut self) {
+        if let Some((depth, id, described)) = self.open.take() {
+            if depth == self.depth {
+                self.descriptions.entry(id).or_insert(described);
+            } else {
+                self.open = Some((depth, id, described));
+            }
+        }
+        self.depth = self.depth.saturating_sub(1);
+        let text = std::mem::take(&mut self.text);
+        let text = text.trim();
+        match self.identity.take() {
+            Some(Identity::VendorName) => set_name(&mut self.file.vendor_name, text),
+            Some(Identity::ProductName) => set_name(&mut self.file.product_name, text),
+            Some(Identity::VendorId) if !text.is_empty() => {
+                self.file.vendor_id = self.number("vendorID", text)
+            }
+            Some(Identity::ProductId) if !text.is_empty() => {
+                self.file.product_code = self.number("productID", text)
+            }
+            Some(Identity::VendorId | Identity::ProductId) | None => {}
+        }
+    }
+
+    /// `deviceCommissioning` of an XDC.
+    fn commissioning(&mut self, element: &Element<'_>) {
+        self.file.kind = Kind::Xdc;
+        let attributes = element.attributes(&mut self.problems);
+        set_name(&mut self.file.node_name, attributes.get("nodeName").unwrap_or_default());
+        self.file.bit_rate = attributes.get("actualBaudRate").and_then(bit_rate);
+        let Some(text) = attributes.get("nodeID") else { return };
+        let number = super::number::integer(text).and_then(|found| u8::try_from(found.value).ok());
+        self.file.node_id = number.filter(|id| (1..=127).contains(id));
+        if self.file.node_id.is_none() {
+            self.problems.add(element.line, format!("nodeID {}: expected 1 to 127", quote(text)));
+        }
+    }
+
+    fn number(&mut self, name: &str, text: &str) -> Option<u32> {
+        let number = super::number::integer(text).and_then(|found| u32::try_from(found.value).ok());
+        if number.is_none() {
+            self.problems.add(0, format!("{name} {}: expected a number of 32 bits", quote(text)));
+        }
+        number
+    }
+}
+
+/// The first name that is not empty, as far as one is read.
+fn set_name(place: &mut String, text: &str) {
+    if place.is_empty() {
+        *place = text.chars().take(LONGEST_VALUE).collect();
+    }
+}
+
+/// `250 Kbps` in bit/s.
+fn bit_rate(text: &str) -> Option<u32> {
+    let digits = text.trim_end_matches(|letter: char| !letter.is_ascii_digit());
+    let unit = text.strip_prefix(digits)?.trim();
+    let factor = match unit.as_bytes().first()? {
+        b'K' | b'k' => 1000,
+        b'M' | b'm' => 1_000_000,
+        _ => return None,
+    };
+    digits.parse::<u32>().ok()?.checked_mul(factor)
+}

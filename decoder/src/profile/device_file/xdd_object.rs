@@ -1,0 +1,245 @@
+//! Objects of an XDD, with what their parameters say of them, to entries.
+
+use super::code::{Access, ObjectType, data_type};
+use super::number::integer;
+use super::problem::{Problems, quote};
+use super::value::{Given, Reading};
+use super::xdd::{Described, Descriptions, RawObject};
+use super::{DeviceObject, LONGEST_VALUE};
+use crate::profile::DataType;
+use crate::wire::canopen::ObjectAddress;
+
+/// The `CANopenObject` whose `CANopenSubObject`s come.
+struct Parent<'a> {
+    raw: &'a RawObject,
+    index: u16,
+    name: String,
+    object_type: ObjectType,
+    has_entries: bool,
+}
+
+/// Entries by address, each once.
+pub(super) fn entries(
+    raws: &[RawObject],
+    descriptions: &Descriptions,
+    problems: &mut Problems,
+) -> Vec<DeviceObject> {
+    let mut found = Vec::new();
+    let mut parent = None;
+    for raw in raws {
+        let mut reader = Reader { raw, descriptions, problems };
+        if raw.is_sub {
+            found.extend(reader.sub_object(parent.as_mut()));
+        } else {
+            finish(parent.take(), &mut found, &mut reader);
+            parent = reader.object();
+        }
+    }
+    if let Some(last) = raws.last() {
+        finish(parent, &mut found, &mut Reader { raw: last, descriptions, problems });
+    }
+    found.sort_by_key(|entry| entry.address);
+    found.dedup_by(|second, first| {
+        let is_same = first.address == second.address;
+        if is_same {
+            problems.add(
+                second.line,
+                format!("{} is there before, in line {}; that one counts", second.address, first.line),
+            );
+        }
+        is_same
+    });
+    found
+}
+
+/// An object without sub-objects is an entry itself.
+fn finish<'a>(parent: Option<Parent<'a>>, found: &mut Vec<DeviceObject>, reader: &mut Reader<'a, '_>) {
+    let Some(parent) = parent.filter(|parent| !parent.has_entries) else { return };
+    match parent.object_type {
+        ObjectType::Null | ObjectType::Type => {}
+        ObjectType::Array | ObjectType::Record => {
+            let reason = format!(
+                "{:04X} has entries by its objectType, but there is no CANopenSubObject",
+                parent.index
+            );
+            reader.problems.add(parent.raw.line, reason);
+        }
+        ObjectType::Var | ObjectType::Domain => {
+            let mut reader =
+                Reader { raw: parent.raw, descriptions: reader.descriptions, problems: reader.problems };
+            let fallback = (parent.object_type == ObjectType::Domain).then_some(DataType::Domain);
+            found.push(reader.entry(ObjectAddress::new(parent.index, 0), parent.name, fallback));
+        }
+    }
+}
+
+struct Reader<'a, 'p> {
+    raw: &'a RawObject,
+    descriptions: &'a Descriptions,
+    problems: &'p mut Problems,
+}
+
+impl<'a> Reader<'a, '_> {
+    fn object(&mut self) -> Option<Parent<'a>> {
+        let index = self.hexadecimal("index").and_then(|number| u16::try_from(number).ok());
+        if index.is_none() {
+            self.complain("CANopenObject not read: expected an index of four hexadecimal digits");
+        }
+        let code = self.raw.attributes.get("objectType").map_or(Some(7), |text| Some(integer(text)?.value));
+        let object_type = code.and_then(ObjectType::of).unwrap_or_else(|| {
+            self.complain("objectType is none of CiA 301; read as variable");
+            ObjectType::Var
+        });
+        let name = self.text("name").unwrap_or_default();
+        Some(Parent { raw: self.raw, index: index?, name, object_type, has_entries: false })
+    }
+
+    fn sub_object(&mut self, parent: Option<&mut Parent<'_>>) -> Option<DeviceObject> {
+        let Some(parent) = parent else {
+            self.complain("CANopenSubObject not read: it is in no object");
+            return None;
+        };
+        parent.has_entries = true;
+        let Some(sub) = self.hexadecimal("subIndex").and_then(|number| u8::try_from(number).ok()) else {
+            self.complain("CANopenSubObject not read: expected a subIndex of two hexadecimal digits");
+            return None;
+        };
+        let mut entry = self.entry(ObjectAddress::new(parent.index, sub), parent.name.clone(), None);
+        entry.entry_name = self.text("name");
+        Some(entry)
+    }
+
+    fn entry(
+        &mut self,
+        address: ObjectAddress,
+        object_name: String,
+        fallback: Option<DataType>,
+    ) -> DeviceObject {
+        let described = self.described();
+        let data_type = self.data_type(described).or(fallback);
+        if data_type.is_none() {
+            self.complain(format!("{address} without a data type"));
+        }
+        let pick = |attribute, of: fn(&Described) -> Option<&String>| {
+            let own = self.raw.attributes.get(attribute);
+            own.or_else(|| self.inherited(described, of).map(String::as_str))
+        };
+        let default = pick("defaultValue", |described| described.default.as_ref());
+        let low = pick("lowLimit", |described| described.low.as_ref());
+        let high = pick("highLimit", |described| described.high.as_ref());
+        let value = pick("actualValue", |described| described.actual.as_ref());
+        DeviceObject {
+            address,
+            object_name,
+            entry_name: None,
+            denotation: self.raw.attributes.get("denotation").and_then(|_| self.text("denotation")),
+            data_type,
+            access: self.access(described),
+            default: self.given("defaultValue", default, data_type, Given::read),
+            low: self.given("lowLimit", low, data_type, Given::read_limit),
+            high: self.given("highLimit", high, data_type, Given::read_limit),
+            value: self.given("actualValue", value, data_type, Given::read),
+            mappable: self.mappable(),
+            line: self.raw.line,
+        }
+    }
+
+    /// The `parameter` the object refers to.
+    fn described(&mut self) -> Option<&'a Described> {
+        let id = self.raw.attributes.get("uniqueIDRef")?;
+        let found = self.descriptions.get(id);
+        if found.is_none() {
+            self.complain(format!("uniqueIDRef {}: there is no parameter of this uniqueID", quote(id)));
+        }
+        found
+    }
+
+    /// What a parameter says, or else what its template or its type says.
+    fn inherited<T>(
+        &self,
+        described: Option<&'a Described>,
+        of: fn(&'a Described) -> Option<T>,
+    ) -> Option<T> {
+        let described = described?;
+        of(described).or_else(|| of(self.descriptions.get(described.reference.as_ref()?)?))
+    }
+
+    fn data_type(&mut self, described: Option<&'a Described>) -> Option<DataType> {
+        if let Some(code) = self.hexadecimal("dataType") {
+            if let Some(found) = data_type(i128::from(code)) {
+                return Some(found);
+            }
+            self.complain(format!("dataType {code:#X} is no data type of CiA 301"));
+        }
+        self.inherited(described, |described| described.data_type)
+    }
+
+    /// `accessType` of the object, else `access` of the parameter, which is "read" if it says none.
+    fn access(&mut self, described: Option<&'a Described>) -> Option<Access> {
+        if let Some(word) = self.raw.attributes.get("accessType") {
+            let access = Access::of(word);
+            if access.is_none() {
+                self.complain(format!("accessType {}: expected ro, wo, rw, rwr, rww or const", quote(word)));
+            }
+            return access;
+        }
+        if described.is_none() {
+            self.complain("object without accessType");
+            return None;
+        }
+        let word = self.inherited(described, |described| described.access.as_deref()).unwrap_or("read");
+        let access = Access::of_parameter(word);
+        if access.is_none() && word != "noAccess" {
+            self.complain(format!("access {}: expected read, write, readWrite or const", quote(word)));
+        }
+        access
+    }
+
+    fn mappable(&mut self) -> Option<bool> {
+        let word = self.raw.attributes.get("PDOmapping")?;
+        match word {
+            "no" | "No" | "0" => Some(false),
+            "optional" | "Optional" | "default" | "Default" | "TPDO" | "RPDO" | "1" => Some(true),
+            _ => {
+                self.complain(format!(
+                    "PDOmapping {}: expected no, default, optional, TPDO or RPDO",
+                    quote(word)
+                ));
+                None
+            }
+        }
+    }
+
+    fn given(
+        &mut self,
+        key: &str,
+        text: Option<&str>,
+        data_type: Option<DataType>,
+        read: fn(&str, Option<DataType>) -> Reading,
+    ) -> Option<Given> {
+        let (given, complaint) = read(text?, data_type);
+        if let Some(complaint) = complaint {
+            self.complain(format!("{key} {complaint}"));
+        }
+        given
+    }
+
+    /// A number whose type is hexBinary: without 0x, which some editors write all the same.
+    fn hexadecimal(&self, name: &str) -> Option<u64> {
+        let text = self.raw.attributes.get(name)?;
+        let digits = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")).unwrap_or(text);
+        digits.chars().all(|digit| digit.is_ascii_hexdigit()).then(|| u64::from_str_radix(digits, 16).ok())?
+    }
+
+    fn text(&mut self, name: &str) -> Option<String> {
+        let Some(text) = self.raw.attributes.get(name) else {
+            self.complain(format!("object without {name}"));
+            return None;
+        };
+        Some(text.chars().take(LONGEST_VALUE).collect())
+    }
+
+    fn complain(&mut self, reason: impl Into<String>) {
+        self.problems.add(self.raw.line, reason);
+    }
+}

@@ -1,0 +1,194 @@
+//! XML as a sequence of elements and text, up to the first place that is none.
+//!
+//! No document type is looked at, so there are no entities but the five of XML itself and characters by
+//! number: nothing grows and nothing outside is read.
+
+use memchr::memchr_iter;
+use quick_xml::XmlVersion;
+use quick_xml::escape::resolve_xml_entity;
+use quick_xml::events::{BytesRef, BytesStart, Event};
+use quick_xml::reader::Reader;
+
+use super::problem::{Problems, quote};
+
+/// What comes next.
+#[derive(Debug)]
+pub(super) enum Token<'a> {
+    /// An element begins; one without content ends at once.
+    Open(Element<'a>),
+    /// The element that began last ends.
+    Close,
+    /// A piece of text.
+    Text(String),
+}
+
+/// The start tag of an element.
+#[derive(Debug)]
+pub(super) struct Element<'a> {
+    tag: BytesStart<'a>,
+    /// Line its tag ends in, from 1.
+    pub(super) line: usize,
+}
+
+/// Attributes by name without prefix, in their order.
+#[derive(Debug, Default)]
+pub(super) struct Attributes(Vec<(String, String)>);
+
+/// The document from where it is read to.
+pub(super) struct Xml<'a> {
+    text: &'a str,
+    reader: Reader<&'a [u8]>,
+    counted: usize,
+    line: usize,
+}
+
+impl<'a> Xml<'a> {
+    pub(super) fn new(text: &'a str) -> Self {
+        let mut reader = Reader::from_str(text);
+        let config = reader.config_mut();
+        config.expand_empty_elements = true;
+        // Ends are counted, not compared: a wrong one costs no more than itself.
+        config.check_end_names = false;
+        config.allow_unmatched_ends = true;
+        config.allow_dangling_amp = true;
+        Self { text, reader, counted: 0, line: 1 }
+    }
+
+    /// The next token; none at the end, and where the XML is broken, which is a problem.
+    pub(super) fn next(&mut self, problems: &mut Problems) -> Option<Token<'a>> {
+        loop {
+            match self.reader.read_event() {
+                Ok(Event::Start(tag) | Event::Empty(tag)) => {
+                    let line = self.line_at(self.reader.buffer_position());
+                    return Some(Token::Open(Element { tag, line }));
+                }
+                Ok(Event::End(_)) => return Some(Token::Close),
+                Ok(Event::Text(text)) => return Some(Token::Text(text.into_inner().into_owned())),
+                Ok(Event::CData(text)) => return Some(Token::Text(text.into_inner().into_owned())),
+                Ok(Event::GeneralRef(reference)) => {
+                    return Some(Token::Text(self.resolve(&reference, problems)));
+                }
+                Ok(Event::DocType(_)) => {
+                    let line = self.line_at(self.reader.buffer_position());
+                    problems
+                        .add(line, "document type not read: entities it declares stay as they are written");
+                }
+                Ok(Event::Comment(_) | Event::Decl(_) | Event::PI(_)) => {}
+                Ok(Event::Eof) => return None,
+                Err(error) => {
+                    let line = self.line_at(self.reader.error_position());
+                    problems.add(line, format!("not read from here on: {error}"));
+                    return None;
+                }
+            }
+        }
+    }
+
+    /// Line of a byte, from 1. Positions only grow, so every byte is counted once.
+    fn line_at(&mut self, position: u64) -> usize {
+        let position = usize::try_from(position).unwrap_or(usize::MAX).min(self.text.len());
+        if let Some(passed) = self.text.as_bytes().get(self.counted..position) {
+            self.line = self.line.saturating_add(memchr_iter(b'\n', passed).count());
+            self.counted = position;
+        }
+        self.line
+    }
+
+    fn resolve(&mut self, reference: &BytesRef<'_>, problems: &mut Problems) -> String {
+        if let Ok(Some(character)) = reference.resolve_char_ref() {
+            return character.to_string();
+        }
+        resolve_xml_entity(reference).map_or_else(
+            || {
+                let line = self.line_at(self.reader.buffer_position());
+                problems.add(line, format!("{}: no entity of XML; left as it is", quote(reference)));
+                format!("&{};", &**reference)
+            },
+            str::to_owned,
+        )
+    }
+}
+
+impl Element<'_> {
+    /// Name without prefix.
+    pub(super) fn name(&self) -> &str {
+        self.tag.local_name().into_inner()
+    }
+
+    /// All attributes up to the first place that is none.
+    pub(super) fn attributes(&self, problems: &mut Problems) -> Attributes {
+        let mut found = Vec::new();
+        // Looking for duplicates would compare each with each.
+        for attribute in self.tag.attributes().with_checks(false) {
+            let attribute = match attribute {
+                Ok(attribute) => attribute,
+                Err(error) => {
+                    problems.add(self.line, format!("<{}>: {error}", self.name()));
+                    break;
+                }
+            };
+            let value = attribute.normalized_value(XmlVersion::Implicit1_0).unwrap_or_else(|error| {
+                problems.add(self.line, format!("{}: {error}", quote(&attribute.value)));
+                attribute.value.clone()
+            });
+            found.push((attribute.key.local_name().into_inner().to_owned(), value.into_owned()));
+        }
+        Attributes(found)
+    }
+}
+
+impl Attributes {
+    /// Trimmed value of an attribute, in any letter case of its name; none if it is empty.
+    pub(super) fn get(&self, name: &str) -> Option<&str> {
+        let (_, value) = self.0.iter().find(|(key, _)| key.eq_ignore_ascii_case(name))?;
+        Some(value.trim()).filter(|value| !value.is_empty())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> (String, Vec<String>) {
+        let mut problems = Problems::default();
+        let mut xml = Xml::new(text);
+        let mut shown = String::new();
+        while let Some(token) = xml.next(&mut problems) {
+            match token {
+                Token::Open(element) => {
+                    let value = element.attributes(&mut problems);
+                    shown += &format!("<{}:{} {:?}>", element.name(), element.line, value.get("A"));
+                }
+                Token::Close => shown += "</>",
+                Token::Text(text) => shown += &text,
+            }
+        }
+        (shown, problems.finish().iter().map(ToString::to_string).collect())
+    }
+
+    #[test]
+    fn elements_text_and_the_five_entities() {
+        let (shown, problems) =
+            read("<?xml version='1.0'?><!-- x --><q:p>\n<e a=' 1 &amp; &#x41; '/>a&lt;b&#66;</q:p>");
+        assert_eq!(shown, "<p:1 None>\n<e:2 Some(\"1 & A\")></>a<bB</>");
+        assert!(problems.is_empty(), "{problems:?}");
+    }
+
+    #[test]
+    fn declared_entities_stay_as_they_are() {
+        let (shown, problems) = read(
+            "<!DOCTYPE p [<!ENTITY e SYSTEM \"file:///etc/passwd\"><!ENTITY f \"&e;&e;\">]>\n<p a='&f;'>&e;</p>",
+        );
+        assert_eq!(shown, "<p:2 Some(\"&f;\")>&e;</>");
+        assert_eq!(problems.len(), 3, "{problems:?}");
+        assert!(problems[0].starts_with("line 1: document type not read"), "{problems:?}");
+    }
+
+    #[test]
+    fn broken_xml_is_read_to_where_it_breaks() {
+        let (shown, problems) = read("<p>\n<e a='1'></x></p></p>\n<f a=1 b");
+        assert_eq!(shown, "<p:1 None>\n<e:2 Some(\"1\")></></></>\n");
+        assert_eq!(problems.len(), 1, "{problems:?}");
+        assert!(problems[0].starts_with("line 3: not read from here on"), "{problems:?}");
+    }
+}

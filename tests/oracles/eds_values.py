@@ -1,0 +1,84 @@
+#!/usr/bin/env python3
+"""What canopen-python reads from EDS and DCF files.
+
+    eds_values.py NODE_ID FILE…     prints a line of JSON a file
+
+{"file": NAME, "error": TEXT} or {"file": NAME, "entries": {"1018:01": {…}}},
+an entry with object, name (null for variables), type (CiA 301's number),
+access, mappable, default, low, high and value. Values are null or text with
+the kind of value before it: i:-3, r:5.2, t:words, b:c83dbb.
+
+Left out are the indices below 0020, which canopen-python makes of
+[DummyUsage]. A file that is not UTF-8 is read as Windows-1252: the library
+leaves that to the caller.
+"""
+import io
+import json
+import logging
+import os
+import sys
+
+from canopen.objectdictionary import ODVariable
+from canopen.objectdictionary.eds import import_eds
+
+
+def show(value):
+    if value is None:
+        return None
+    if isinstance(value, (bytes, bytearray)):
+        return "b:" + bytes(value).hex()
+    if isinstance(value, float):
+        return "r:" + repr(value)
+    if isinstance(value, int):
+        return "i:" + str(value)
+    return "t:" + value
+
+
+def entry(variable, thing):
+    return {
+        "object": thing.name,
+        "name": None if variable is thing else variable.name,
+        "type": variable.data_type,
+        "access": variable.access_type,
+        "mappable": variable.pdo_mappable,
+        "default": show(variable.default),
+        "low": show(variable.min),
+        "high": show(variable.max),
+        "value": show(variable.value),
+    }
+
+
+def entries(path, node_id):
+    with open(path, "rb") as file:
+        data = file.read()
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("cp1252", errors="replace")
+    # Universal newlines, as open() does it.
+    dictionary = import_eds(io.StringIO(text, newline=None), node_id)
+    found = {}
+    for index, thing in dictionary.indices.items():
+        if index < 0x20:
+            continue
+        variables = [thing] if isinstance(thing, ODVariable) else thing.subindices.values()
+        for variable in variables:
+            found[f"{index:04X}:{variable.subindex:02X}"] = entry(variable, thing)
+    return found
+
+
+def main():
+    if len(sys.argv) < 3:
+        sys.exit(__doc__)
+    logging.disable()
+    for path in sys.argv[2:]:
+        result = {"file": os.path.basename(path)}
+        try:
+            result["entries"] = entries(path, int(sys.argv[1]))
+        except Exception as error:  # whatever the library raises is its answer
+            result["error"] = f"{type(error).__name__}: {error}"
+        print(json.dumps(result))
+
+
+if __name__ == "__main__":
+    main()
