@@ -5,12 +5,17 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use cobscope_decoder::profile::DataType;
 use cobscope_decoder::profile::device_file::{self, DeviceFile, DeviceObject, Given, Kind};
+use serde_json::Value;
 
 use crate::support::{corpus, python, skip, workspace};
+
+/// The node-ID `$NODEID` stands for.
+const NODE_ID: u8 = 5;
 
 fn corpus_files() -> Vec<PathBuf> {
     let folder = corpus().join("eds");
@@ -23,22 +28,393 @@ fn corpus_files() -> Vec<PathBuf> {
     found
 }
 
-fn name(path: &std::path::Path) -> String {
+fn read(path: &Path) -> DeviceFile {
+    device_file::parse(&fs::read(path).unwrap()).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+fn name(path: &Path) -> String {
     path.file_name().unwrap().to_string_lossy().into_owned()
 }
 
-#[test]
-fn survey() {
-    for path in corpus_files() {
-        let file = device_file::parse(&fs::read(&path).unwrap());
-        match file {
-            Ok(file) => {
-                println!("{} {:?} {} {}", name(&path), file.kind, file.objects.len(), file.problems.len());
-                for problem in file.problems.iter().take(400) {
-                    println!("    {problem}");
+/// A value as `tests/oracles/eds_values.py` writes it.
+fn show(given: Option<&Given>) -> Value {
+    let Some(given) = given else { return Value::Null };
+    Value::String(match given.resolve(NODE_ID) {
+        Given::Number(number) => format!("i:{number}"),
+        Given::Real(number) => format!("r:{number:?}"),
+        Given::Text(text) => format!("t:{text}"),
+        Given::Bytes(bytes) => bytes.iter().fold("b:".to_owned(), |text, byte| format!("{text}{byte:02x}")),
+        Given::Formula { .. } => unreachable!("resolved"),
+    })
+}
+
+/// CiA 301's number of a type.
+fn type_number(data_type: DataType) -> u64 {
+    let all = [
+        (0x01, "BOOLEAN"),
+        (0x02, "INTEGER8"),
+        (0x03, "INTEGER16"),
+        (0x04, "INTEGER32"),
+        (0x05, "UNSIGNED8"),
+        (0x06, "UNSIGNED16"),
+        (0x07, "UNSIGNED32"),
+        (0x08, "REAL32"),
+        (0x09, "VISIBLE_STRING"),
+        (0x0A, "OCTET_STRING"),
+        (0x0B, "UNICODE_STRING"),
+        (0x0C, "TIME_OF_DAY"),
+        (0x0D, "TIME_DIFFERENCE"),
+        (0x0F, "DOMAIN"),
+        (0x10, "INTEGER24"),
+        (0x11, "REAL64"),
+        (0x12, "INTEGER40"),
+        (0x13, "INTEGER48"),
+        (0x14, "INTEGER56"),
+        (0x15, "INTEGER64"),
+        (0x16, "UNSIGNED24"),
+        (0x18, "UNSIGNED40"),
+        (0x19, "UNSIGNED48"),
+        (0x1A, "UNSIGNED56"),
+        (0x1B, "UNSIGNED64"),
+    ];
+    all.into_iter().find(|(_, name)| *name == data_type.name()).unwrap().0
+}
+
+fn field(object: &DeviceObject, name: &str) -> Value {
+    match name {
+        "object" => object.object_name.clone().into(),
+        "name" => object.entry_name.clone().into(),
+        "type" => object.data_type.map(type_number).into(),
+        "access" => object.access.map(device_file::Access::name).into(),
+        "mappable" => object.mappable.unwrap_or(false).into(),
+        "default" => show(object.default.as_ref()),
+        "low" => show(object.low.as_ref()),
+        "high" => show(object.high.as_ref()),
+        "value" => show(object.value.as_ref()),
+        _ => unreachable!("{name}"),
+    }
+}
+
+const FIELDS: [&str; 9] = ["object", "name", "type", "access", "mappable", "default", "low", "high", "value"];
+
+/// Why an entry differs from what canopen-python 2.4.1 makes of it; none if that is not known.
+fn reason(object: &DeviceObject, field: &str, ours: &Value, theirs: &Value) -> Option<&'static str> {
+    let is_compact = object.entry_name == Some(format!("{}{}", object.object_name, object.address.sub));
+    let number = |value: &Value| value.as_str()?.strip_prefix("i:")?.parse::<i128>().ok();
+    let bits = object.data_type.and_then(DataType::bits).unwrap_or(0);
+    let is_text = ours.as_str().is_some_and(|text| text.starts_with("t:"));
+    match field {
+        "name" | "access" | "default" if object.entry_name.as_deref() == Some("NrOfObjects") => {
+            Some("theirs has a name of its own for sub-index 0 of a compact object, rw and without default")
+        }
+        "name" if is_compact => Some("theirs does not number the names of a compact object"),
+        "value" if is_compact && theirs.is_null() => Some("theirs does not read [1003Value]"),
+        "name" | "default" | "value"
+            if ours.is_null() && ["", "b:", "t:"].iter().any(|empty| theirs == empty) =>
+        {
+            Some("ours takes an empty value for none")
+        }
+        "access" if ours.is_null() && theirs == "unknown" => Some("theirs takes any word for an access"),
+        "type" if ours.is_null() && theirs == 0x0F => Some("theirs takes an unknown type for DOMAIN"),
+        "default" if object.data_type.is_none() && theirs.is_null() => {
+            Some("theirs takes an unknown type for DOMAIN")
+        }
+        "default" if is_text && theirs.is_null() => Some("theirs drops what is not hexadecimal"),
+        "default" if number(ours).map(|ours| ours + (1 << bits)) == number(theirs) => {
+            Some("theirs takes hexadecimal of a signed type for positive")
+        }
+        "low" | "high" if theirs.is_null() && matches!(bits, 24 | 40 | 48 | 56) => {
+            Some("theirs knows no limits of INTEGER24, 40, 48 and 56")
+        }
+        "low" if theirs.is_null() && object.data_type == Some(DataType::Real32) => {
+            Some("theirs reads the limits of reals as whole numbers")
+        }
+        _ => None,
+    }
+}
+
+/// Differences by reason, and whatever has none.
+#[derive(Default)]
+struct Differences {
+    known: BTreeMap<&'static str, usize>,
+    unknown: String,
+    equal: usize,
+}
+
+impl Differences {
+    fn compare(&mut self, file: &str, ours: &DeviceFile, theirs: &serde_json::Map<String, Value>) {
+        let ours: BTreeMap<_, _> =
+            ours.objects.iter().map(|object| (object.address.to_string(), object)).collect();
+        for address in theirs.keys().filter(|address| !ours.contains_key(*address)) {
+            writeln!(self.unknown, "{file}: {address} is only theirs").unwrap();
+        }
+        for (address, object) in ours {
+            let Some(entry) = theirs.get(&address) else {
+                let section = "only ours: theirs reads sub-index 0 and 1 of a compact array, and nothing of a compact record";
+                *self.known.entry(section).or_default() += 1;
+                continue;
+            };
+            for name in FIELDS {
+                let (ours, theirs) = (field(object, name), &entry[name]);
+                match reason(object, name, &ours, theirs) {
+                    _ if ours == *theirs => self.equal += 1,
+                    Some(reason) => *self.known.entry(reason).or_default() += 1,
+                    None => {
+                        writeln!(self.unknown, "{file}: {address} {name} is {ours}, theirs {theirs}").unwrap()
+                    }
                 }
             }
-            Err(error) => println!("{} {error}", name(&path)),
         }
     }
+}
+
+/// How often each reason holds in the corpus.
+const DIFFERENCES: [(&str, usize); 11] = [
+    ("only ours: theirs reads sub-index 0 and 1 of a compact array, and nothing of a compact record", 2712),
+    ("ours takes an empty value for none", 519),
+    ("theirs does not number the names of a compact object", 35),
+    ("theirs does not read [1003Value]", 16),
+    ("theirs drops what is not hexadecimal", 17),
+    ("theirs has a name of its own for sub-index 0 of a compact object, rw and without default", 108),
+    ("theirs knows no limits of INTEGER24, 40, 48 and 56", 8),
+    ("theirs reads the limits of reals as whole numbers", 1),
+    ("theirs takes an unknown type for DOMAIN", 2),
+    ("theirs takes any word for an access", 21),
+    ("theirs takes hexadecimal of a signed type for positive", 24),
+];
+
+/// Files canopen-python 2.4.1 gives up on, and at what.
+const UNREADABLE: [(&str, &str); 4] = [
+    ("CANopenNode__DS301_profile.eds", "ValueError: invalid literal for int() with base 0: ''"),
+    ("CANopenSocket__basicDevice.eds", "ValueError: invalid literal for int() with base 0: ''"),
+    ("kacanopen__301.eds", "ValueError: invalid literal for int() with base 0: '0x07 # VAR'"),
+    ("lely-core__co-gw_txt-master.dcf", "NoOptionError: No option 'Dummy0001' in section: 'DummyUsage'"),
+];
+
+#[test]
+fn every_entry_is_what_canopen_python_makes_of_it() {
+    let files: Vec<_> = corpus_files().into_iter().filter(|path| !is_xml(path)).collect();
+    if files.is_empty() {
+        return;
+    }
+    let Some(python) = python() else {
+        return skip("python", "device files are not compared with canopen-python");
+    };
+    let script = workspace().join("tests/oracles/eds_values.py");
+    let output = Command::new(python).arg(script).arg(NODE_ID.to_string()).args(&files).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let mut differences = Differences::default();
+    let mut unreadable = Vec::new();
+    let mut compared = 0;
+    for (line, path) in String::from_utf8(output.stdout).unwrap().lines().zip(&files) {
+        let answer: Value = serde_json::from_str(line).unwrap();
+        assert_eq!(answer["file"], name(path));
+        match answer["entries"].as_object() {
+            Some(theirs) => {
+                differences.compare(&name(path), &read(path), theirs);
+                compared += 1;
+            }
+            None => unreadable.push((name(path), answer["error"].as_str().unwrap().to_owned())),
+        }
+    }
+    assert!(differences.unknown.is_empty(), "\n{}", differences.unknown);
+    let expected = UNREADABLE.map(|(name, error)| (name.to_owned(), error.to_owned()));
+    assert_eq!(unreadable, expected);
+    assert_eq!(differences.known, BTreeMap::from(DIFFERENCES));
+    assert_eq!((compared, differences.equal), (54, 98_249));
+}
+
+fn is_xml(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension == "xdd" || extension == "xpd")
+}
+
+/// An XDD beside the EDS of the same device, both written by the same editor.
+const TWINS: [(&str, &str); 3] = [
+    ("CANopenDemo__demoDevice.xdd", "CANopenDemo__demoDevice.eds"),
+    ("CANopenSocket__basicDevice.xdd", "CANopenSocket__basicDevice.eds"),
+    ("CANopen-tools-suite__sample_node_0x01.xdd", "CANopen-tools-suite__sample_node_0x01.eds"),
+];
+
+#[test]
+fn an_xdd_says_what_the_eds_of_the_same_device_says() {
+    let folder = corpus().join("eds");
+    if !folder.exists() {
+        return skip("corpus", &format!("{} is not there", folder.display()));
+    }
+    let mut compared = 0;
+    let mut report = String::new();
+    for (xdd_name, eds_name) in TWINS {
+        let (xdd, eds) = (read(&folder.join(xdd_name)), read(&folder.join(eds_name)));
+        assert_eq!((xdd.vendor_id, xdd.product_code), (eds.vendor_id, eds.product_code), "{xdd_name}");
+        assert_eq!(
+            (&xdd.vendor_name, &xdd.product_name),
+            (&eds.vendor_name, &eds.product_name),
+            "{xdd_name}"
+        );
+        assert_eq!(xdd.bit_rates, eds.bit_rates, "{xdd_name}");
+        for object in &eds.objects {
+            let Some(other) = xdd.find(object.address) else {
+                writeln!(report, "{eds_name}: {} is not in the XDD", object.address).unwrap();
+                continue;
+            };
+            for name in FIELDS {
+                let (ours, other) = (field(object, name), field(other, name));
+                // An XDD has BITSTRING for both.
+                let is_bits = name == "type" && ours == 0x0F && other == 0x0A;
+                if ours != other && !is_bits {
+                    writeln!(report, "{eds_name}: {} {name} is {ours}, in the XDD {other}", object.address)
+                        .unwrap();
+                }
+                compared += 1;
+            }
+        }
+    }
+    assert!(report.is_empty(), "\n{report}");
+    // 282, 279 and 74 entries.
+    assert_eq!(compared, 635 * FIELDS.len());
+}
+
+/// Every device file of the corpus: entries and problems. The entries were counted by sections, elements and
+/// `CompactSubObj` with another program; the problems were read one by one.
+const CORPUS: [(&str, Kind, usize, usize); 63] = [
+    ("CANopen-monitor__GPS_OD.eds", Kind::Eds, 473, 269),
+    ("CANopen-monitor__battery.dcf", Kind::Dcf, 594, 0),
+    ("CANopen-monitor__gps.xdd", Kind::Xdd, 608, 0),
+    ("CANopen-tools-suite__sample_node_0x01.eds", Kind::Eds, 74, 21),
+    ("CANopen-tools-suite__sample_node_0x01.xdd", Kind::Xdd, 74, 0),
+    ("CANopenDemo__demoDevice.eds", Kind::Eds, 282, 0),
+    ("CANopenDemo__demoDevice.xdd", Kind::Xdd, 286, 0),
+    ("CANopenNode__DS301_profile.eds", Kind::Eds, 170, 0),
+    ("CANopenNode__DS301_profile.xpd", Kind::Xdd, 241, 0),
+    ("CANopenSocket__basicDevice.eds", Kind::Eds, 279, 0),
+    ("CANopenSocket__basicDevice.xdd", Kind::Xdd, 279, 0),
+    ("PyTrinamic__TMCC160-CANopen_Hw1.00_Fw3.00.eds", Kind::Eds, 242, 0),
+    ("PyTrinamic__TMCM-1636-CANopen_Hw1.1_Fw1.08.eds", Kind::Eds, 230, 0),
+    ("PyTrinamic__TMCM_1270_V3.22.eds", Kind::Eds, 245, 0),
+    ("PyTrinamic__TMCM_1617_Hw1.2_Fw1.06.eds", Kind::Eds, 230, 0),
+    ("PyTrinamic__TMCM_1670_Hw1.2_Fw2.00.eds", Kind::Eds, 213, 0),
+    ("PyTrinamic__TMCM_6212_V.3.22.eds", Kind::Eds, 1152, 0),
+    ("canopen__datatypes.eds", Kind::Eds, 28, 1),
+    ("canopen__e35.eds", Kind::Dcf, 995, 6),
+    ("canopen__sample.eds", Kind::Dcf, 136, 50),
+    ("cob_robots__Elmo.dcf", Kind::Dcf, 458, 0),
+    ("cob_robots__Schunk_0_63.dcf", Kind::Dcf, 206, 0),
+    ("gocanopen__base.eds", Kind::Eds, 206, 29),
+    ("kacanopen__301.eds", Kind::Eds, 102, 16),
+    ("kacanopen__3301001_0.eds", Kind::Eds, 209, 0),
+    ("kacanopen__3301001_3.eds", Kind::Eds, 193, 0),
+    ("kacanopen__3301001_6.eds", Kind::Eds, 219, 0),
+    ("kacanopen__3301002_1.eds", Kind::Eds, 238, 0),
+    ("kacanopen__401.eds", Kind::Eds, 453, 0),
+    ("kacanopen__402.eds", Kind::Eds, 258, 1),
+    ("kacanopen__406.eds", Kind::Eds, 201, 1),
+    ("kacanopen__605.3150.51-V-EK-2-60.eds", Kind::Eds, 156, 1),
+    ("kacanopen__605.3150.52-V-EK-2-60.eds", Kind::Eds, 157, 1),
+    ("kacanopen__605.3150.60-B-EK-2-60.eds", Kind::Eds, 156, 1),
+    ("kacanopen__605.3150.67-B-EK-2-60.eds", Kind::Eds, 273, 0),
+    ("kacanopen__605.3150.71-A-EK-3-60.eds", Kind::Eds, 156, 1),
+    ("kacanopen__IoX3_24DO.eds", Kind::Eds, 103, 0),
+    ("kacanopen__IoX6_8AO.eds", Kind::Eds, 190, 0),
+    ("kacanopen__MM217_V3Y_2.eds", Kind::Eds, 144, 0),
+    ("kacanopen__MM217_V3Y_5.eds", Kind::Eds, 139, 0),
+    ("kacanopen__MM217_Y_1.eds", Kind::Eds, 238, 0),
+    ("kacanopen__MM217_Y_4.eds", Kind::Eds, 233, 0),
+    ("kacanopen__epos2_347717.eds", Kind::Eds, 431, 0),
+    ("lely-core__co-emcy.dcf", Kind::Dcf, 148, 0),
+    ("lely-core__co-gw_txt-master.dcf", Kind::Dcf, 145, 0),
+    ("lely-core__co-nmt-slave.dcf", Kind::Dcf, 17, 0),
+    ("lely-core__co-pdo-receive.dcf", Kind::Dcf, 15, 0),
+    ("lely-core__co-pdo-transmit.dcf", Kind::Dcf, 15, 0),
+    ("lely-core__co-sdo-client.dcf", Kind::Dcf, 11, 0),
+    ("lely-core__co-sdo-server.dcf", Kind::Dcf, 8, 0),
+    ("lely-core__co-sync.dcf", Kind::Eds, 10, 0),
+    ("lely-core__co-time.dcf", Kind::Dcf, 9, 0),
+    ("lely-core__coapp-lss-slave.dcf", Kind::Eds, 7, 0),
+    ("lely-core__cocatd.dcf", Kind::Eds, 287, 0),
+    ("python-objdictgen__slave.eds", Kind::Eds, 130, 0),
+    ("ros2_canopen__cia402_slave.eds", Kind::Eds, 154, 0),
+    ("ros2_canopen__master.dcf", Kind::Dcf, 2225, 0),
+    ("ros2_canopen__simple.eds", Kind::Eds, 299, 0),
+    ("sick_line_guidance__CiA401_IO_Node3.eds", Kind::Eds, 187, 0),
+    ("sick_line_guidance__CiA401_minimal.eds", Kind::Eds, 7, 3),
+    ("sick_line_guidance__CiA402_Stepper_Node8.eds", Kind::Eds, 138, 0),
+    ("sick_line_guidance__SICK-MLS.eds", Kind::Eds, 49, 0),
+    ("sick_line_guidance__SICK_OLS20_CO.eds", Kind::Eds, 85, 0),
+];
+
+#[test]
+fn all_of_the_corpus_is_read() {
+    let files = corpus_files();
+    if files.is_empty() {
+        return;
+    }
+    let mut found = Vec::new();
+    for path in &files {
+        let file = read(path);
+        println!("{}: {} entries, {} problems", name(path), file.objects.len(), file.problems.len());
+        found.push((name(path), file.kind, file.objects.len(), file.problems.len()));
+    }
+    let expected: Vec<_> = CORPUS
+        .iter()
+        .map(|(name, kind, entries, problems)| ((*name).to_owned(), *kind, *entries, *problems))
+        .collect();
+    assert_eq!(found, expected);
+}
+
+/// What is in a file, a line an entry and a problem.
+fn describe(file: &DeviceFile) -> String {
+    let DeviceFile { kind, vendor_name, vendor_id, product_name, product_code, revision, .. } = file;
+    let DeviceFile { node_id, node_name, bit_rate, bit_rates, .. } = file;
+    let mut text =
+        format!("{kind:?} vendor {vendor_name:?} {vendor_id:X?} product {product_name:?} {product_code:X?}");
+    writeln!(text, " revision {revision:X?} rates {bit_rates:?}").unwrap();
+    if node_id.is_some() || !node_name.is_empty() || bit_rate.is_some() {
+        writeln!(text, "node {node_id:?} {node_name:?} at {bit_rate:?}").unwrap();
+    }
+    for object in &file.objects {
+        let data_type = object.data_type.map_or("-".to_owned(), DataType::name);
+        let access = object.access.map_or("-", device_file::Access::name);
+        write!(text, "{} {:?}", object.address, object.object_name).unwrap();
+        if let Some(name) = &object.entry_name {
+            write!(text, " {name:?}").unwrap();
+        }
+        write!(text, " {data_type} {access}").unwrap();
+        let values = [
+            ("default", &object.default),
+            ("low", &object.low),
+            ("high", &object.high),
+            ("value", &object.value),
+        ];
+        for (name, value) in values.iter().filter_map(|(name, value)| Some((name, value.as_ref()?))) {
+            write!(text, " {name} {value:?}").unwrap();
+        }
+        if let Some(mappable) = object.mappable {
+            text += if mappable { " mappable" } else { " unmappable" };
+        }
+        if let Some(denotation) = &object.denotation {
+            write!(text, " called {denotation:?}").unwrap();
+        }
+        writeln!(text, " @{}", object.line).unwrap();
+    }
+    for problem in &file.problems {
+        writeln!(text, "! {problem}").unwrap();
+    }
+    text
+}
+
+#[test]
+fn fixtures_are_read_as_expected() {
+    let mut compared = 0;
+    for entry in fs::read_dir(workspace().join("fixtures/device_files")).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|extension| extension == "txt" || extension == "md") {
+            continue;
+        }
+        let expected = fs::read_to_string(path.with_file_name(format!("{}.expected.txt", name(&path))))
+            .unwrap_or_default();
+        let found = describe(&read(&path));
+        assert_eq!(found, expected, "{}\n{found}", name(&path));
+        compared += 1;
+    }
+    assert_eq!(compared, 9);
 }
