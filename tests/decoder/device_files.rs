@@ -10,8 +10,10 @@ use std::process::Command;
 
 use cobscope_decoder::profile::DataType;
 use cobscope_decoder::profile::device_file::{self, DeviceFile, DeviceObject, Given, Kind};
+use proptest::prelude::*;
 use serde_json::Value;
 
+use crate::harness;
 use crate::support::{corpus, python, skip, workspace};
 
 /// The node-ID `$NODEID` stands for.
@@ -416,5 +418,44 @@ fn fixtures_are_read_as_expected() {
         assert_eq!(found, expected, "{}\n{found}", name(&path));
         compared += 1;
     }
-    assert_eq!(compared, 9);
+    assert_eq!(compared, 10);
+}
+
+/// A device file of ours with bytes put over it, so that more than the first lines are looked at.
+fn damaged() -> impl Strategy<Value = Vec<u8>> {
+    let files: Vec<_> = fs::read_dir(workspace().join("fixtures/device_files"))
+        .unwrap()
+        .map(|entry| fs::read(entry.unwrap().path()).unwrap())
+        .collect();
+    let cuts = prop::collection::vec(
+        (any::<prop::sample::Index>(), any::<prop::sample::Index>(), 0..40_usize),
+        1..12,
+    );
+    (prop::sample::select(files), cuts).prop_map(|(mut file, cuts)| {
+        for (from, to, length) in cuts {
+            // A piece of the file again somewhere else in it.
+            let (from, to) = (from.index(file.len()), to.index(file.len()));
+            let piece = file[from..(from + length).min(file.len())].to_vec();
+            let end = (to + length / 2).min(file.len());
+            file.splice(to..end, piece);
+        }
+        file
+    })
+}
+
+proptest! {
+    #[test]
+    fn any_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..500)) {
+        harness::device_file(&bytes);
+    }
+
+    #[test]
+    fn any_text_is_read_or_refused(text in "(\\[?[0-9A-Fa-fsubM]{0,9}\\]?|[A-Za-z]{1,9}=|[$NODEID0x+; #<>&\"'/]{0,9}|\n){0,40}") {
+        harness::device_file(text.as_bytes());
+    }
+
+    #[test]
+    fn damaged_files_are_read_or_refused(bytes in damaged()) {
+        harness::device_file(&bytes);
+    }
 }

@@ -28,6 +28,10 @@ fn main() -> Result<(), Box<dyn Error>> {
             put(&corpus, target, name, &bytes)?;
             continue;
         }
+        if let Some(name) = name.strip_prefix("device_files/") {
+            put(&corpus, "device_file", name, &bytes)?;
+            continue;
+        }
         let name = name.replace('/', "_");
         put(&corpus, "any", &name, &bytes)?;
         let Ok(mut reader) = Reader::open(&bytes[..], &ReadOptions::default()) else { continue };

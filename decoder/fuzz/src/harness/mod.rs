@@ -12,12 +12,14 @@
 )]
 #![allow(dead_code, reason = "fuzzer, seed writer and replay use a part each")]
 
+pub mod device_file;
 pub mod observe;
 pub mod pipeline;
 pub mod reader;
 pub mod session;
 pub mod wire;
 
+pub use device_file::device_file;
 pub use pipeline::any;
 pub use session::session;
 pub use wire::{emcy, error_control, error_frame, lss, nmt, sdo, sync, time};
@@ -42,6 +44,7 @@ pub const TARGETS: &[Target] = &[
     ("lss", lss),
     ("error_frame", error_frame),
     ("session", session),
+    ("device_file", device_file),
 ];
 
 /// The candump reader.

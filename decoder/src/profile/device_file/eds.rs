@@ -1,11 +1,12 @@
 //! EDS and DCF (CiA 306-1): the device, the lists of its objects, and the objects.
 
+use std::collections::BTreeSet;
 use std::collections::btree_map::{BTreeMap, Entry};
 
 use super::ini::{Ini, Section};
 use super::number::integer;
 use super::object::{Context, Sections};
-use super::problem::Problems;
+use super::problem::{Problems, quote};
 use super::section::SectionName;
 use super::value::uncommented;
 use super::{DeviceFile, DeviceFileError, DeviceObject, Kind, MOST_ENTRIES};
@@ -96,9 +97,15 @@ fn sort(context: &mut Context<'_, '_>) -> BTreeMap<u16, Sections> {
     // that address counts, and of several modules the first.
     for (at, index, sub) in of_modules {
         let sections = objects.entry(index).or_default();
-        match sub {
-            None => _ = sections.main.get_or_insert(at),
-            Some(sub) => _ = sections.subs.entry(sub).or_insert(at),
+        let first = match sub {
+            None => *sections.main.get_or_insert(at),
+            Some(sub) => *sections.subs.entry(sub).or_insert(at),
+        };
+        if let (false, Some(section), Some(first)) =
+            (first == at, context.ini.sections.get(at), context.ini.sections.get(first))
+        {
+            let reason = format!("[{}] not read: [{}] is about the same address", section.name, first.name);
+            context.problems.add(section.line, reason);
         }
     }
     objects
@@ -161,16 +168,14 @@ fn ranged(context: &mut Context<'_, '_>, section: &Section<'_>, key: &str) -> Op
         _ => Some("expected a number of 32 bits"),
     };
     if let Some(doubt) = doubt {
-        context
-            .problems
-            .add(entry.line, format!("{}={}: {doubt}", entry.key, super::problem::quote(entry.value)));
+        context.problems.add(entry.line, format!("{} {}: {doubt}", entry.name, quote(entry.value)));
     }
     number
 }
 
 /// Every object of the lists needs a section, and every object from 1000 on a place in a list.
 fn check_lists(context: &mut Context<'_, '_>, objects: &BTreeMap<u16, Sections>) {
-    let mut listed = std::collections::BTreeSet::new();
+    let mut listed = BTreeSet::new();
     let lists: Vec<_> = LISTS.iter().filter_map(|key| context.ini.section(key)).collect();
     for section in &lists {
         let mut count = 0_i128;
@@ -178,9 +183,7 @@ fn check_lists(context: &mut Context<'_, '_>, objects: &BTreeMap<u16, Sections>)
             count = count.saturating_add(1);
             let number = integer(uncommented(entry.value)).and_then(|found| u16::try_from(found.value).ok());
             let Some(index) = number else {
-                context
-                    .problems
-                    .add(entry.line, format!("{}: expected an index", super::problem::quote(entry.value)));
+                context.problems.add(entry.line, format!("{}: expected an index", quote(entry.value)));
                 continue;
             };
             listed.insert(index);
@@ -228,5 +231,53 @@ fn check_limits(context: &mut Context<'_, '_>, entries: &[DeviceObject]) {
                 .problems
                 .add(entry.line, format!("{}: LowLimit {low} is above HighLimit {high}", entry.address));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> DeviceFile {
+        parse(text).unwrap()
+    }
+
+    #[test]
+    fn the_device_and_its_commissioning() {
+        let file = read(
+            "[DeviceInfo]\nVendorName=A\nVendorNumber=0x1F\nBaudRate_10=1\nBaudRate_1000=0x1\nBaudRate_20=0\n\
+             [DeviceComissioning]\nNodeID=0x10\nNodeName=N\nBaudrate=125",
+        );
+        assert_eq!((file.vendor_name.as_str(), file.vendor_id), ("A", Some(31)));
+        assert_eq!((file.node_id, file.node_name.as_str(), file.bit_rate), (Some(16), "N", Some(125_000)));
+        assert_eq!(file.bit_rates, [10_000, 1_000_000]);
+    }
+
+    #[test]
+    fn lists_and_sections_are_held_against_each_other() {
+        let file = read(
+            "[DeviceInfo]\n[MandatoryObjects]\nSupportedObjects=2\n1=0x1000\n[5]\nObjectType=5\n\
+             [1001]\nParameterName=E\nDataType=5\nAccessType=ro",
+        );
+        let problems: Vec<_> = file.problems.iter().map(ToString::to_string).collect();
+        assert_eq!(
+            problems,
+            [
+                "line 2: SupportedObjects 2 of [MandatoryObjects], but 1 are listed",
+                "line 4: 1000 is listed, but there is no section [1000]",
+                "line 7: [1001] is in no list of objects; read all the same",
+            ]
+        );
+    }
+
+    #[test]
+    fn of_two_sections_the_first_counts_however_they_are_spelled() {
+        let file = read(
+            "[MandatoryObjects]\n[2000sub1]\nParameterName=A\n[2000SUB01]\nParameterName=B\n[mandatoryobjects]",
+        );
+        assert_eq!(file.objects[0].entry_name.as_deref(), Some("A"));
+        let twice: Vec<_> =
+            file.problems.iter().filter(|problem| problem.reason.contains("there before")).collect();
+        assert_eq!(twice.iter().map(|problem| problem.line).collect::<Vec<_>>(), [4, 6]);
     }
 }

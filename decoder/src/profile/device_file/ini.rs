@@ -32,7 +32,9 @@ pub(super) struct Section<'a> {
 /// `keyword=value`
 #[derive(Debug)]
 pub(super) struct Entry<'a> {
-    /// The keyword in lower case, without spaces: editors write `Supported Objects`.
+    /// The keyword as it is written.
+    pub(super) name: &'a str,
+    /// In lower case, without spaces: editors write `Supported Objects`.
     pub(super) key: String,
     /// Trimmed; may have a comment behind it and be empty.
     pub(super) value: &'a str,
@@ -56,7 +58,7 @@ impl<'a> Ini<'a> {
                 keys = HashSet::default();
                 continue;
             }
-            let Some((key, value)) = text.split_once('=') else {
+            let Some((name, value)) = text.split_once('=') else {
                 problems.add(line, format!("{}: expected keyword=value", quote(text)));
                 continue;
             };
@@ -64,9 +66,9 @@ impl<'a> Ini<'a> {
                 problems.add(line, format!("{}: before the first section", quote(text)));
                 continue;
             };
-            let (key, value) = (normalised(key), value.trim());
+            let (key, name, value) = (normalised(name), name.trim(), value.trim());
             if keys.insert(key.clone()) {
-                section.entries.push(Entry { key, value, line });
+                section.entries.push(Entry { name, key, value, line });
             } else {
                 problems.add(
                     line,

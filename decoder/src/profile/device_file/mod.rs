@@ -194,3 +194,55 @@ impl DeviceFile {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_content_says_the_kind() {
+        let kind = |text: &[u8]| parse(text).map(|file| file.kind);
+        assert_eq!(kind(b"[FileInfo]"), Ok(Kind::Eds));
+        assert_eq!(kind(b"[1000]\nDefaultValue=1\nParameterValue="), Ok(Kind::Eds));
+        assert_eq!(kind(b"[1000]\nParameterValue=1"), Ok(Kind::Dcf));
+        assert_eq!(kind(b"[DeviceCommissioning]"), Ok(Kind::Dcf));
+        assert_eq!(kind(b"\xEF\xBB\xBF <x><CANopenObject index='1000'/></x>"), Ok(Kind::Xdd));
+        assert_eq!(kind(b"<CANopenObject index='1000' dataType='7' actualValue='1'/>"), Ok(Kind::Xdc));
+        assert_eq!(kind(b" \r\n"), Err(DeviceFileError::Empty));
+        assert_eq!(kind(b"(1.0) can0 123#00"), Err(DeviceFileError::NoSection));
+        assert_eq!(kind(b"[section]\nkey=value"), Err(DeviceFileError::NoSection));
+        assert_eq!(kind(b"<html/>"), Err(DeviceFileError::NoObject));
+    }
+
+    #[test]
+    fn the_identity_is_completed_from_object_1018() {
+        let file = parse(
+            b"[DeviceInfo]\nVendorNumber=0\nProductNumber=2\nRevisionNumber=\n[1018sub1]\nDataType=7\nDefaultValue=0x36\n\
+              [1018sub2]\nDataType=7\nDefaultValue=3\n[1018sub3]\nDataType=7\nDefaultValue=0",
+        )
+        .unwrap();
+        assert_eq!((file.vendor_id, file.product_code, file.revision), (Some(0x36), Some(2), None));
+        assert!(
+            file.problems
+                .iter()
+                .any(|problem| problem.to_string().contains("product code 0x3 in object 1018"))
+        );
+    }
+
+    #[test]
+    fn a_file_that_asks_for_more_entries_than_there_can_be_gets_the_first() {
+        let mut text = String::new();
+        for index in 0x2000..0x2200 {
+            text += &format!("[{index:04X}]\nDataType=5\nObjectType=8\nCompactSubObj=254\n");
+        }
+        let file = parse(text.as_bytes()).unwrap();
+        assert_eq!(file.objects.len(), MOST_ENTRIES);
+        assert!(
+            file.problems
+                .iter()
+                .any(|problem| problem.reason == "not read from 2101 on: more than 65536 entries")
+        );
+        assert!(file.find(ObjectAddress::new(0x2101, 0)).is_some());
+        assert!(file.find(ObjectAddress::new(0x2101, 1)).is_none());
+    }
+}

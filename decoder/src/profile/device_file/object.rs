@@ -44,17 +44,21 @@ impl<'a> Context<'a, '_> {
                 self.problems
                     .add(section.line, format!("[{}] without a section [{index:04X}]", section.name));
             }
+            self.lists_without_use(index, sections);
             return self.subs(index, sections, &Entries::default()).into_values().collect();
         };
         let object_type = self.object_type(main);
+        if object_type == ObjectType::Type || object_type == ObjectType::Null {
+            return Vec::new();
+        }
         let mut entries = Entries {
             object_name: self.name(main, "parametername").unwrap_or_default(),
             ..Entries::default()
         };
-        if object_type == ObjectType::Type || object_type == ObjectType::Null {
-            return Vec::new();
-        }
         let compact = self.compact(main);
+        if compact == 0 {
+            self.lists_without_use(index, sections);
+        }
         if sections.subs.is_empty() && compact == 0 {
             if object_type.has_entries() {
                 self.problems.add(
@@ -77,10 +81,22 @@ impl<'a> Context<'a, '_> {
         }
         let mut found = self.subs(index, sections, &entries);
         self.check_count(main, compact, &found);
-        for entry in self.compact_entries(index, sections, main, compact, &entries) {
-            found.entry(entry.address.sub).or_insert(entry);
+        if compact > 0 {
+            for entry in self.compact_entries(index, sections, main, compact, &entries) {
+                found.entry(entry.address.sub).or_insert(entry);
+            }
         }
         found.into_values().collect()
+    }
+
+    /// `[1003Name]` and its like of an object that is not compact.
+    fn lists_without_use(&mut self, index: u16, sections: &Sections) {
+        for at in [sections.names, sections.values, sections.denotations].into_iter().flatten() {
+            if let Some(section) = self.ini.sections.get(at) {
+                let reason = format!("[{}] not read: [{index:04X}] has no CompactSubObj", section.name);
+                self.problems.add(section.line, reason);
+            }
+        }
     }
 
     fn subs(&mut self, index: u16, sections: &Sections, entries: &Entries) -> BTreeMap<u8, DeviceObject> {
@@ -133,17 +149,6 @@ impl<'a> Context<'a, '_> {
         last: u8,
         entries: &Entries,
     ) -> Vec<DeviceObject> {
-        if last == 0 {
-            for at in [sections.names, sections.values, sections.denotations].into_iter().flatten() {
-                if let Some(section) = self.ini.sections.get(at) {
-                    self.problems.add(
-                        section.line,
-                        format!("[{}] not read: [{index:04X}] has no CompactSubObj", section.name),
-                    );
-                }
-            }
-            return Vec::new();
-        }
         let mut model = self.entry(ObjectAddress::new(index, 1), main, entries, ObjectType::Var);
         model.value = None;
         let names = self.list(sections.names, last);
@@ -157,12 +162,8 @@ impl<'a> Context<'a, '_> {
             entry.entry_name = Some(name.unwrap_or_else(|| format!("{}{sub}", model.object_name)));
             entry.denotation = denotations.get(&sub).and_then(|name| self.text(name));
             if let Some(value) = values.get(&sub) {
-                entry.value = self.reading(
-                    value,
-                    "ParameterValue",
-                    Given::read(uncommented_text(value.value), model.data_type),
-                );
-                entry.line = value.line;
+                entry.value =
+                    self.reading(value, Given::read(uncommented_text(value.value), model.data_type));
             }
             found.push(entry);
         }
@@ -292,7 +293,7 @@ impl<'a> Context<'a, '_> {
             Some(found) => found.doubt,
         };
         if let Some(complaint) = complaint {
-            self.problems.add(entry.line, format!("{}={}: {complaint}", entry.key, quote(text)));
+            self.problems.add(entry.line, format!("{} {}: {complaint}", entry.name, quote(text)));
         }
         found.map(|found| found.value)
     }
@@ -305,12 +306,12 @@ impl<'a> Context<'a, '_> {
         read: fn(&str, Option<DataType>) -> Reading,
     ) -> Option<Given> {
         let entry = section.entry(key)?;
-        self.reading(entry, key, read(uncommented_text(entry.value), data_type))
+        self.reading(entry, read(uncommented_text(entry.value), data_type))
     }
 
-    fn reading(&mut self, entry: &Entry<'_>, key: &str, (given, complaint): Reading) -> Option<Given> {
+    fn reading(&mut self, entry: &Entry<'_>, (given, complaint): Reading) -> Option<Given> {
         if let Some(complaint) = complaint {
-            self.problems.add(entry.line, format!("{key} {complaint}"));
+            self.problems.add(entry.line, format!("{} {complaint}", entry.name));
         }
         given
     }
@@ -338,5 +339,56 @@ fn number_of_entries(model: &DeviceObject, last: u8) -> DeviceObject {
         value: None,
         mappable: Some(false),
         line: model.line,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{DeviceFile, parse};
+    use super::*;
+
+    fn read(text: &str) -> (DeviceFile, Vec<String>) {
+        let text = format!("[DeviceInfo]\n[MandatoryObjects]\n1=0x2000\n{text}");
+        let file = parse(text.as_bytes()).unwrap();
+        let problems = file.problems.iter().map(ToString::to_string).collect();
+        (file, problems)
+    }
+
+    #[test]
+    fn a_variable_without_object_type() {
+        let (file, problems) = read("[2000]\nParameterName=Speed\nDataType=3\nAccessType=rw\nPDOMapping=1");
+        let [entry] = &file.objects[..] else { panic!("{file:?}") };
+        assert_eq!((entry.data_type, entry.access), (Some(DataType::Integer16), Some(Access::Rw)));
+        assert_eq!((entry.mappable, entry.default.as_ref(), entry.line), (Some(true), None, 4));
+        assert!(problems.is_empty(), "{problems:?}");
+    }
+
+    #[test]
+    fn entries_of_an_array_have_its_type_if_they_say_none() {
+        let (file, problems) = read(
+            "[2000]\nParameterName=A\nObjectType=8\nDataType=3\n[2000sub0]\nParameterName=N\nDataType=5\nAccessType=ro\n\
+             [2000sub1]\nParameterName=V\nAccessType=ro",
+        );
+        let types: Vec<_> = file.objects.iter().map(|entry| entry.data_type).collect();
+        assert_eq!(types, [Some(DataType::Unsigned8), Some(DataType::Integer16)]);
+        assert!(problems.is_empty(), "{problems:?}");
+    }
+
+    #[test]
+    fn a_compact_array_of_254_is_255_entries_and_a_list_beyond_it_is_none() {
+        let (file, problems) = read(
+            "[2000]\nParameterName=A\nObjectType=8\nDataType=3\nAccessType=ro\nCompactSubObj=254\n\
+             [2000Name]\nNrOfEntries=4000000000\n254=Last\n255=None\n99999999999999999999=None",
+        );
+        assert_eq!(file.objects.len(), 255);
+        assert_eq!(file.objects[254].entry_name.as_deref(), Some("Last"));
+        assert_eq!(file.objects[253].entry_name.as_deref(), Some("A253"));
+        assert_eq!(problems, ["line 13: sub-index 255 not read: CompactSubObj is 254"]);
+    }
+
+    #[test]
+    fn types_of_the_device_are_looked_up() {
+        let (file, _) = read("[2000]\nDataType=0xA0\n[A0]\nObjectType=5\n[A0sub1]\nDefaultValue=0x2");
+        assert_eq!(file.objects[0].data_type, Some(DataType::Integer8), "{file:?}");
     }
 }

@@ -47,8 +47,8 @@ struct Content {
     depth: usize,
     /// The description that is open: its depth and `uniqueID`.
     open: Option<(usize, String, Described)>,
-    /// The element of the identity whose text is read.
-    identity: Option<Identity>,
+    /// The element of the identity whose text is read, and its line.
+    identity: Option<(Identity, usize)>,
     /// Text of it so far.
     text: String,
 }
@@ -116,10 +116,10 @@ impl Content {
                 };
                 self.open = Some((self.depth, id.to_owned(), described));
             }
-            "vendorName" => self.identity = Some(Identity::VendorName),
-            "vendorID" => self.identity = Some(Identity::VendorId),
-            "productName" => self.identity = Some(Identity::ProductName),
-            "productID" => self.identity = Some(Identity::ProductId),
+            "vendorName" => self.identity = Some((Identity::VendorName, element.line)),
+            "vendorID" => self.identity = Some((Identity::VendorId, element.line)),
+            "productName" => self.identity = Some((Identity::ProductName, element.line)),
+            "productID" => self.identity = Some((Identity::ProductId, element.line)),
             "supportedBaudRate" => {
                 let attributes = element.attributes(&mut self.problems);
                 self.file.bit_rates.extend(attributes.get("value").and_then(bit_rate));
@@ -175,16 +175,12 @@ impl Content {
         self.depth = self.depth.saturating_sub(1);
         let text = std::mem::take(&mut self.text);
         let text = text.trim();
-        match self.identity.take() {
-            Some(Identity::VendorName) => set_name(&mut self.file.vendor_name, text),
-            Some(Identity::ProductName) => set_name(&mut self.file.product_name, text),
-            Some(Identity::VendorId) if !text.is_empty() => {
-                self.file.vendor_id = self.number("vendorID", text)
-            }
-            Some(Identity::ProductId) if !text.is_empty() => {
-                self.file.product_code = self.number("productID", text)
-            }
-            Some(Identity::VendorId | Identity::ProductId) | None => {}
+        let Some((identity, line)) = self.identity.take().filter(|_| !text.is_empty()) else { return };
+        match identity {
+            Identity::VendorName => set_name(&mut self.file.vendor_name, text),
+            Identity::ProductName => set_name(&mut self.file.product_name, text),
+            Identity::VendorId => self.file.vendor_id = self.number(line, "vendorID", text),
+            Identity::ProductId => self.file.product_code = self.number(line, "productID", text),
         }
     }
 
@@ -202,10 +198,10 @@ impl Content {
         }
     }
 
-    fn number(&mut self, name: &str, text: &str) -> Option<u32> {
+    fn number(&mut self, line: usize, name: &str, text: &str) -> Option<u32> {
         let number = super::number::integer(text).and_then(|found| u32::try_from(found.value).ok());
         if number.is_none() {
-            self.problems.add(0, format!("{name} {}: expected a number of 32 bits", quote(text)));
+            self.problems.add(line, format!("{name} {}: expected a number of 32 bits", quote(text)));
         }
         number
     }
@@ -228,4 +224,31 @@ fn bit_rate(text: &str) -> Option<u32> {
         _ => return None,
     };
     digits.parse::<u32>().ok()?.checked_mul(factor)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_identity_is_text_of_elements() {
+        let file = parse(
+            "<p><q1:vendorName> A &amp; B </q1:vendorName><vendorID>0x1F</vendorID><productName/><productID>x</productID>\
+             <supportedBaudRate value='250 Kbps'/><CANopenObject index='2000' dataType='07'/></p>",
+        )
+        .unwrap();
+        assert_eq!((file.vendor_name.as_str(), file.vendor_id), ("A & B", Some(31)));
+        assert_eq!((file.product_name.as_str(), file.product_code), ("", None));
+        assert_eq!(file.bit_rates, [250_000]);
+        assert!(file.problems[0].reason.starts_with("productID \"x\""), "{:?}", file.problems);
+    }
+
+    #[test]
+    fn bit_rates_have_a_unit() {
+        assert_eq!(bit_rate("1000 Kbps"), Some(1_000_000));
+        assert_eq!(bit_rate("1 Mbps"), Some(1_000_000));
+        for text in ["auto-baudRate", "", "250", "99999999999 Kbps", "5000000 Kbps"] {
+            assert_eq!(bit_rate(text), None, "{text}");
+        }
+    }
 }

@@ -243,3 +243,42 @@ impl<'a> Reader<'a, '_> {
         self.problems.add(self.raw.line, reason);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{DeviceFile, parse};
+    use super::*;
+
+    fn read(text: &str) -> DeviceFile {
+        parse(format!("<p>{text}</p>").as_bytes()).unwrap()
+    }
+
+    #[test]
+    fn an_attribute_counts_before_the_parameter_and_the_parameter_before_its_template() {
+        let file = read(
+            "<CANopenObject index='2000' name='A' uniqueIDRef='P' defaultValue='1'/>\
+             <parameterTemplate uniqueID='T' access='const'><INT/><defaultValue value='3'/><q:range><minValue value='-5'/></q:range>\
+             </parameterTemplate><parameter uniqueID='P' templateIDRef='T'><label><UDINT/></label><defaultValue value='2'/></parameter>",
+        );
+        let [entry] = &file.objects[..] else { panic!("{file:?}") };
+        assert_eq!((entry.data_type, entry.access), (Some(DataType::Integer16), Some(Access::Const)));
+        assert_eq!((&entry.default, &entry.low), (&Some(Given::Number(1)), &Some(Given::Number(-5))));
+        assert!(file.problems.is_empty(), "{:?}", file.problems);
+    }
+
+    #[test]
+    fn entries_are_sorted_and_numbers_hexadecimal() {
+        let file = read(
+            "<CANopenObject index='0x2001' name='B' dataType='0x0005' accessType='rw'/>\
+             <CANopenObject index='2000' name='A' objectType='9'><CANopenSubObject subIndex='1F' name='S' dataType='1B' accessType='ro'/>\
+             </CANopenObject><CANopenObject index='2000' objectType='0'/>",
+        );
+        let found: Vec<_> =
+            file.objects.iter().map(|entry| (entry.address.to_string(), entry.data_type)).collect();
+        assert_eq!(
+            found,
+            [("2000:1F".into(), Some(DataType::Unsigned64)), ("2001:00".into(), Some(DataType::Unsigned8))]
+        );
+        assert_eq!(file.objects[0].entry_name.as_deref(), Some("S"));
+    }
+}

@@ -26,7 +26,7 @@ pub(super) enum Token<'a> {
 #[derive(Debug)]
 pub(super) struct Element<'a> {
     tag: BytesStart<'a>,
-    /// Line its tag ends in, from 1.
+    /// Line its tag begins in, from 1.
     pub(super) line: usize,
 }
 
@@ -57,9 +57,10 @@ impl<'a> Xml<'a> {
     /// The next token; none at the end, and where the XML is broken, which is a problem.
     pub(super) fn next(&mut self, problems: &mut Problems) -> Option<Token<'a>> {
         loop {
+            let start = self.reader.buffer_position();
             match self.reader.read_event() {
                 Ok(Event::Start(tag) | Event::Empty(tag)) => {
-                    let line = self.line_at(self.reader.buffer_position());
+                    let line = self.line_at(start);
                     return Some(Token::Open(Element { tag, line }));
                 }
                 Ok(Event::End(_)) => return Some(Token::Close),
@@ -69,7 +70,7 @@ impl<'a> Xml<'a> {
                     return Some(Token::Text(self.resolve(&reference, problems)));
                 }
                 Ok(Event::DocType(_)) => {
-                    let line = self.line_at(self.reader.buffer_position());
+                    let line = self.line_at(start);
                     problems
                         .add(line, "document type not read: entities it declares stay as they are written");
                 }
@@ -115,7 +116,7 @@ impl Element<'_> {
         self.tag.local_name().into_inner()
     }
 
-    /// All attributes up to the first place that is none.
+    /// All attributes; what is none is a problem.
     pub(super) fn attributes(&self, problems: &mut Problems) -> Attributes {
         let mut found = Vec::new();
         // Looking for duplicates would compare each with each.
@@ -124,7 +125,7 @@ impl Element<'_> {
                 Ok(attribute) => attribute,
                 Err(error) => {
                     problems.add(self.line, format!("<{}>: {error}", self.name()));
-                    break;
+                    continue;
                 }
             };
             let value = attribute.normalized_value(XmlVersion::Implicit1_0).unwrap_or_else(|error| {
@@ -179,7 +180,7 @@ mod tests {
         let (shown, problems) = read(
             "<!DOCTYPE p [<!ENTITY e SYSTEM \"file:///etc/passwd\"><!ENTITY f \"&e;&e;\">]>\n<p a='&f;'>&e;</p>",
         );
-        assert_eq!(shown, "<p:2 Some(\"&f;\")>&e;</>");
+        assert_eq!(shown, "\n<p:2 Some(\"&f;\")>&e;</>");
         assert_eq!(problems.len(), 3, "{problems:?}");
         assert!(problems[0].starts_with("line 1: document type not read"), "{problems:?}");
     }

@@ -1,0 +1,33 @@
+//! Readers of EDS, DCF and XDD: each address once, every problem in a line, the same from a file with a mark.
+
+use std::collections::BTreeSet;
+
+use cobscope_decoder::profile::device_file::{MOST_ENTRIES, MOST_PROBLEMS, parse};
+
+/// A device file.
+pub fn device_file(data: &[u8]) {
+    let file = parse(data);
+    if let Ok(text) = std::str::from_utf8(data)
+        && !text.starts_with('\u{FEFF}')
+    {
+        let marked = parse(&[b"\xEF\xBB\xBF", data].concat());
+        // Debug, because a NaN is not equal to itself.
+        assert_eq!(format!("{file:?}"), format!("{marked:?}"), "with and without byte order mark");
+    }
+    let Ok(file) = file else { return };
+    let lines = data.iter().filter(|byte| matches!(byte, b'\n' | b'\r')).count() + 1;
+    assert!(file.objects.len() <= MOST_ENTRIES && file.problems.len() <= MOST_PROBLEMS + 1);
+    assert!(file.objects.is_sorted_by(|first, second| first.address < second.address));
+    for object in &file.objects {
+        assert!((1..=lines).contains(&object.line), "{object:?} of {lines} lines");
+        assert_eq!(file.find(object.address), Some(object));
+    }
+    for problem in &file.problems {
+        assert!(problem.line <= lines, "{problem:?} of {lines} lines");
+        assert!(!problem.reason.is_empty() && !problem.reason.contains(char::is_control), "{problem:?}");
+    }
+    assert!(file.node_id.is_none_or(|id| (1..=127).contains(&id)));
+    assert!([file.vendor_id, file.product_code, file.revision].iter().all(|number| *number != Some(0)));
+    let rates: BTreeSet<_> = file.bit_rates.iter().collect();
+    assert!(rates.into_iter().eq(&file.bit_rates), "{:?}", file.bit_rates);
+}
