@@ -1,6 +1,7 @@
 //! Device files: those of other projects, against canopen-python and each other, and ours with their defects.
 
 #![expect(clippy::disallowed_methods, reason = "the rule is for the decoder, not for what tests it")]
+#![expect(clippy::panic, reason = "helpers of tests fail so")]
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -162,7 +163,8 @@ impl Differences {
                     _ if ours == *theirs => self.equal += 1,
                     Some(reason) => *self.known.entry(reason).or_default() += 1,
                     None => {
-                        writeln!(self.unknown, "{file}: {address} {name} is {ours}, theirs {theirs}").unwrap()
+                        writeln!(self.unknown, "{file}: {address} {name} is {ours}, theirs {theirs}")
+                            .unwrap();
                     }
                 }
             }

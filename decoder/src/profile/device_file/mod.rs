@@ -197,6 +197,8 @@ impl DeviceFile {
 
 #[cfg(test)]
 mod tests {
+    use std::fmt::Write as _;
+
     use super::*;
 
     #[test]
@@ -233,7 +235,7 @@ mod tests {
     fn a_file_that_asks_for_more_entries_than_there_can_be_gets_the_first() {
         let mut text = String::new();
         for index in 0x2000..0x2200 {
-            text += &format!("[{index:04X}]\nDataType=5\nObjectType=8\nCompactSubObj=254\n");
+            write!(text, "[{index:04X}]\nDataType=5\nObjectType=8\nCompactSubObj=254\n").unwrap();
         }
         let file = parse(text.as_bytes()).unwrap();
         assert_eq!(file.objects.len(), MOST_ENTRIES);

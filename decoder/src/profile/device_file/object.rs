@@ -172,17 +172,17 @@ impl<'a> Context<'a, '_> {
 
     /// The entries of `[1003Name]` and its like up to `last`.
     fn list(&mut self, at: Option<usize>, last: u8) -> List<'a> {
-        let mut list = List::new();
-        let Some(section) = at.and_then(|at| self.ini.sections.get(at)) else { return list };
+        let mut found = List::new();
+        let Some(section) = at.and_then(|at| self.ini.sections.get(at)) else { return found };
         for (number, entry) in section.numbered() {
             match u8::try_from(number) {
-                Ok(sub) if (1..=last).contains(&sub) => _ = list.insert(sub, entry),
+                Ok(sub) if (1..=last).contains(&sub) => _ = found.insert(sub, entry),
                 _ => self
                     .problems
                     .add(entry.line, format!("sub-index {number} not read: CompactSubObj is {last}")),
             }
         }
-        list
+        found
     }
 
     /// `SubNumber` counts the sub-indices (CiA 306-1 §4.6.3).

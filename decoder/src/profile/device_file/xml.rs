@@ -148,6 +148,8 @@ impl Attributes {
 
 #[cfg(test)]
 mod tests {
+    use std::fmt::Write as _;
+
     use super::*;
 
     fn read(text: &str) -> (String, Vec<String>) {
@@ -158,7 +160,7 @@ mod tests {
             match token {
                 Token::Open(element) => {
                     let value = element.attributes(&mut problems);
-                    shown += &format!("<{}:{} {:?}>", element.name(), element.line, value.get("A"));
+                    write!(shown, "<{}:{} {:?}>", element.name(), element.line, value.get("A")).unwrap();
                 }
                 Token::Close => shown += "</>",
                 Token::Text(text) => shown += &text,
