@@ -93,9 +93,18 @@ fn sort(context: &mut Context<'_, '_>) -> BTreeMap<u16, Sections> {
                 .add(section.line, format!("[{}] is there before; that one counts", section.name));
         }
     }
-    // An object of a module is at the same address wherever the module is; what the device itself says of
-    // that address counts, and of several modules the first.
-    for (at, index, sub) in of_modules {
+    place_modules(context, &of_modules, &mut objects);
+    objects
+}
+
+/// An object of a module is at the same address wherever the module is. What the device itself says of that
+/// address counts, and of several modules the first.
+fn place_modules(
+    context: &mut Context<'_, '_>,
+    of_modules: &[(usize, u16, Option<u8>)],
+    objects: &mut BTreeMap<u16, Sections>,
+) {
+    for (at, index, sub) in of_modules.iter().copied() {
         let sections = objects.entry(index).or_default();
         let first = match sub {
             None => *sections.main.get_or_insert(at),
@@ -108,7 +117,6 @@ fn sort(context: &mut Context<'_, '_>) -> BTreeMap<u16, Sections> {
             context.problems.add(section.line, reason);
         }
     }
-    objects
 }
 
 fn take(place: &mut Option<usize>, at: usize) -> bool {
@@ -173,47 +181,52 @@ fn ranged(context: &mut Context<'_, '_>, section: &Section<'_>, key: &str) -> Op
     number
 }
 
-/// Every object of the lists needs a section, and every object from 1000 on a place in a list.
+/// Every object from 1000 on has a place in a list.
 fn check_lists(context: &mut Context<'_, '_>, objects: &BTreeMap<u16, Sections>) {
-    let mut listed = BTreeSet::new();
     let lists: Vec<_> = LISTS.iter().filter_map(|key| context.ini.section(key)).collect();
-    for section in &lists {
-        let mut count = 0_i128;
-        for (_, entry) in section.numbered() {
-            count = count.saturating_add(1);
-            let number = integer(uncommented(entry.value)).and_then(|found| u16::try_from(found.value).ok());
-            let Some(index) = number else {
-                context.problems.add(entry.line, format!("{}: expected an index", quote(entry.value)));
-                continue;
-            };
-            listed.insert(index);
-            if objects.get(&index).is_none_or(|sections| sections.main.is_none()) {
-                context
-                    .problems
-                    .add(entry.line, format!("{index:04X} is listed, but there is no section [{index:04X}]"));
-            }
-        }
-        if let Some(announced) =
-            context.number(section, "supportedobjects").filter(|announced| *announced != count)
-        {
-            context.problems.add(
-                section.line,
-                format!("SupportedObjects {announced} of [{}], but {count} are listed", section.name),
-            );
-        }
-    }
     if lists.is_empty() {
         context.problems.add(0, "no section lists the objects: expected [MandatoryObjects]");
         return;
     }
-    for (index, sections) in objects.range(0x1000..) {
-        let section =
-            sections.main.filter(|_| !listed.contains(index)).and_then(|at| context.ini.sections.get(at));
+    let mut listed = BTreeSet::new();
+    for section in lists {
+        check_list(context, section, objects, &mut listed);
+    }
+    for (_, sections) in objects.range(0x1000..).filter(|(index, _)| !listed.contains(*index)) {
+        let section = sections.main.and_then(|at| context.ini.sections.get(at));
+        // Objects of modules have lists of their own.
         if let Some(section) = section.filter(|section| !section.key.starts_with('m')) {
-            context
-                .problems
-                .add(section.line, format!("[{}] is in no list of objects; read all the same", section.name));
+            let reason = format!("[{}] is in no list of objects; read all the same", section.name);
+            context.problems.add(section.line, reason);
         }
+    }
+}
+
+/// Every object of a list needs a section.
+fn check_list<'a>(
+    context: &mut Context<'a, '_>,
+    section: &Section<'a>,
+    objects: &BTreeMap<u16, Sections>,
+    listed: &mut BTreeSet<u16>,
+) {
+    let mut count = 0_i128;
+    for (_, entry) in section.numbered() {
+        count = count.saturating_add(1);
+        let number = integer(uncommented(entry.value)).and_then(|found| u16::try_from(found.value).ok());
+        let Some(index) = number else {
+            context.problems.add(entry.line, format!("{}: expected an index", quote(entry.value)));
+            continue;
+        };
+        listed.insert(index);
+        if objects.get(&index).is_none_or(|sections| sections.main.is_none()) {
+            let reason = format!("{index:04X} is listed, but there is no section [{index:04X}]");
+            context.problems.add(entry.line, reason);
+        }
+    }
+    let announced = context.number(section, "supportedobjects");
+    if let Some(announced) = announced.filter(|announced| *announced != count) {
+        let reason = format!("SupportedObjects {announced} of [{}], but {count} are listed", section.name);
+        context.problems.add(section.line, reason);
     }
 }
 

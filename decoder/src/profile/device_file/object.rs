@@ -40,44 +40,30 @@ impl<'a> Context<'a, '_> {
     pub(super) fn object(&mut self, index: u16, sections: &Sections) -> Vec<DeviceObject> {
         let main = sections.main.and_then(|at| self.ini.sections.get(at));
         let Some(main) = main else {
-            if let Some(section) = sections.subs.values().next().and_then(|at| self.ini.sections.get(*at)) {
-                self.problems
-                    .add(section.line, format!("[{}] without a section [{index:04X}]", section.name));
-            }
-            self.lists_without_use(index, sections);
-            return self.subs(index, sections, &Entries::default()).into_values().collect();
+            return self.orphans(index, sections);
         };
         let object_type = self.object_type(main);
         if object_type == ObjectType::Type || object_type == ObjectType::Null {
             return Vec::new();
         }
-        let mut entries = Entries {
-            object_name: self.name(main, "parametername").unwrap_or_default(),
-            ..Entries::default()
-        };
+        let entries = self.common(main, object_type);
         let compact = self.compact(main);
         if compact == 0 {
             self.lists_without_use(index, sections);
         }
         if sections.subs.is_empty() && compact == 0 {
-            if object_type.has_entries() {
-                self.problems.add(
-                    main.line,
-                    format!("[{}] has entries by its ObjectType, but there is no section of one", main.name),
-                );
-                return Vec::new();
+            if !object_type.has_entries() {
+                return vec![self.entry(ObjectAddress::new(index, 0), main, &entries, object_type)];
             }
-            return vec![self.entry(ObjectAddress::new(index, 0), main, &entries, object_type)];
+            let reason =
+                format!("[{}] has entries by its ObjectType, but there is no section of one", main.name);
+            self.problems.add(main.line, reason);
+            return Vec::new();
         }
         if !object_type.has_entries() {
-            self.problems.add(
-                main.line,
-                format!("[{}] is a variable by its ObjectType, but has entries; read as record", main.name),
-            );
-        }
-        if object_type == ObjectType::Array {
-            entries.data_type =
-                main.value("datatype").and_then(|text| data_type(integer(uncommented(text))?.value));
+            let reason =
+                format!("[{}] is a variable by its ObjectType, but has entries; read as record", main.name);
+            self.problems.add(main.line, reason);
         }
         let mut found = self.subs(index, sections, &entries);
         self.check_count(main, compact, &found);
@@ -87,6 +73,24 @@ impl<'a> Context<'a, '_> {
             }
         }
         found.into_values().collect()
+    }
+
+    /// What the entries of an object take from it.
+    fn common(&mut self, main: &Section<'a>, object_type: ObjectType) -> Entries {
+        let written = main.value("datatype").filter(|_| object_type == ObjectType::Array);
+        Entries {
+            object_name: self.name(main, "parametername").unwrap_or_default(),
+            data_type: written.and_then(|text| data_type(integer(uncommented(text))?.value)),
+        }
+    }
+
+    /// Sections of an index that has no section itself.
+    fn orphans(&mut self, index: u16, sections: &Sections) -> Vec<DeviceObject> {
+        if let Some(section) = sections.subs.values().next().and_then(|at| self.ini.sections.get(*at)) {
+            self.problems.add(section.line, format!("[{}] without a section [{index:04X}]", section.name));
+        }
+        self.lists_without_use(index, sections);
+        self.subs(index, sections, &Entries::default()).into_values().collect()
     }
 
     /// `[1003Name]` and its like of an object that is not compact.
