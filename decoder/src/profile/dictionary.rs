@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::data_type::DataType;
-use super::object::{Access, Effect, Format, Given, Look, Only, Repeat, Storage, When};
+use super::object::{Access, Effect, Format, Given, Look, Only, Repeat, Scale, Storage, When};
 use super::reference::{ObjectRange, Reference};
 use crate::wire::canopen::ObjectAddress;
 
@@ -124,6 +124,21 @@ impl Object {
     /// The entry of a sub-index.
     pub fn entry(&self, sub: u8) -> Option<&Entry> {
         self.entries.iter().find(|entry| (entry.sub..=entry.to).contains(&sub))
+    }
+
+    /// Objects that decide how entries of this one are read, in all repeats.
+    pub(super) fn deciding(&self, all: &mut Vec<ObjectAddress>) {
+        for entry in &self.entries {
+            let looks = std::iter::once(&entry.look).chain(entry.modes.iter().map(|(_, look)| look));
+            let scales = looks.filter_map(|look| match look.scale {
+                Some(Scale::ByObject { object, .. }) => Some(object),
+                _ => None,
+            });
+            let modes = entry.modes.iter().map(|(when, _)| when.object);
+            for reference in scales.chain(modes) {
+                all.extend((0..self.repeat.count).map(|nth| reference.shifted(nth, self.repeat.stride)));
+            }
+        }
     }
 
     /// Number of a repeat as people count, from 1.

@@ -112,6 +112,19 @@ impl Effect {
         }
     }
 
+    /// When, in words behind what happens then.
+    pub const fn when(self) -> &'static str {
+        match self {
+            Self::AtOnce => "at once",
+            Self::AtSync => "at the next SYNC",
+            Self::ResetCommunication => "after reset communication",
+            Self::ResetNode => "after reset node",
+            Self::PowerOn => "after power-on",
+            Self::Never => "never: accepted without effect",
+            Self::Unknown => "at a time not known",
+        }
+    }
+
     /// Whether the new value holds only from a restart on.
     pub const fn waits(self) -> bool {
         matches!(self, Self::ResetCommunication | Self::ResetNode | Self::PowerOn)

@@ -67,6 +67,7 @@ impl Bus {
             match subject {
                 Subject::SdoChannel(channel) => self.sdo_deadline(channel, now, out),
                 Subject::Heartbeat(node) => self.heartbeat_deadline(node, now, out),
+                Subject::SetPoint(node) => self.sync_missing(node, out),
             }
         }
     }

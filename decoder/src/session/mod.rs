@@ -23,6 +23,7 @@ mod store;
 mod timers;
 
 pub use bus::Bus;
+pub use device::{GateState, GateStatus};
 pub use node::{AssignedBy, NmtStatus, Node};
 pub use store::{Entry, Origin, OriginKind, Store};
 

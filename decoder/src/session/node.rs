@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::ACTIVE_ERROR_LIMIT;
-use super::device::Restart;
+use super::device::{Behaviour, Restart};
 use super::store::Store;
 use crate::event::{Certainty, StateCause};
 use crate::frame::{CanId, Timestamp};
@@ -110,6 +110,8 @@ pub struct Node {
     pub(super) device: Arc<Device>,
     /// What told it.
     pub(super) assigned: Option<AssignedBy>,
+    /// What the device does.
+    pub(super) behaviour: Behaviour,
     /// Several devices fit, and that was said.
     pub(super) ambiguous: bool,
 }
@@ -168,6 +170,7 @@ impl Node {
             store: Arc::default(),
             device: Arc::clone(plain_device()),
             assigned: None,
+            behaviour: Behaviour::default(),
             ambiguous: false,
         }
     }
@@ -261,6 +264,6 @@ impl Node {
 
     /// Bytes held, the store apart.
     pub(super) fn footprint(&self) -> usize {
-        size_of::<Self>() + self.active_errors.capacity() * 2
+        size_of::<Self>() + self.active_errors.capacity() * 2 + self.behaviour.footprint()
     }
 }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use foldhash::fast::FixedState;
 
 use super::EXTENDED_ID_LIMIT;
+use super::device::{Plan, Recent};
 use crate::event::{Event, EventKind, Pdo};
 use crate::frame::CanId;
 use crate::profile::{Owner, PdoName, connection_set};
@@ -40,6 +41,16 @@ pub(super) struct Slot {
     pub(super) service: Service,
     /// The event of its last PDO, updated in place: no allocation a frame.
     pub(super) pdo: Option<Box<Event>>,
+    /// What of it matters to the device's doings.
+    pub(super) plan: Option<Arc<Plan>>,
+    /// Frames of the last ones, where they command a state machine.
+    pub(super) recent: Recent,
+}
+
+impl Slot {
+    const fn new(service: Service) -> Self {
+        Self { service, pdo: None, plan: None, recent: Recent::NONE }
+    }
 }
 
 const NO_SLOT: u16 = u16::MAX;
@@ -126,7 +137,7 @@ impl Routes {
                 self.extended.insert(id, slot);
             }
         }
-        self.slots.push(Slot { service, pdo: None });
+        self.slots.push(Slot::new(service));
         Some(index)
     }
 
@@ -166,7 +177,7 @@ impl Routes {
             return;
         }
         if let Some(slot) = self.find(id).and_then(|index| self.slots.get_mut(index)) {
-            *slot = Slot { service, pdo: None };
+            *slot = Slot::new(service);
         }
     }
 

@@ -18,6 +18,8 @@ pub enum OriginKind {
     Upload,
     /// Stated in the bus file.
     BusFile,
+    /// Sent in a PDO; a sample.
+    Pdo,
 }
 
 impl OriginKind {
@@ -26,6 +28,7 @@ impl OriginKind {
         match self {
             Self::Download => "download",
             Self::Upload => "upload",
+            Self::Pdo => "pdo",
             Self::BusFile => "bus-file",
         }
     }
@@ -37,6 +40,7 @@ impl OriginKind {
         match self {
             Self::Download => "written",
             Self::Upload => "read",
+            Self::Pdo => "sent",
             Self::BusFile => "given",
         }
     }

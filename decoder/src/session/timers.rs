@@ -14,6 +14,8 @@ pub(super) enum Subject {
     SdoChannel(u16),
     /// Heartbeat of a node-ID.
     Heartbeat(u8),
+    /// Set points of a node wait for SYNC.
+    SetPoint(u8),
 }
 
 /// Deadlines in monotonic nanoseconds.

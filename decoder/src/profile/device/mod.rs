@@ -31,6 +31,7 @@ use super::authored::{self, Authored, Tables, Wrong};
 use super::dictionary::{Dictionary, Object};
 use super::object::{BitNames, Names, Only};
 use super::position::TextError;
+use crate::wire::canopen::ObjectAddress;
 
 /// A profile as its file says it.
 #[derive(Debug, Default, Deserialize)]
@@ -130,6 +131,8 @@ pub struct Device {
     pub rules: Vec<DeviceRule>,
     /// General rules it need not obey.
     pub waivers: Vec<Waiver>,
+    /// Objects whose value decides how others are read.
+    pub deciding: Vec<ObjectAddress>,
     /// Samples with their place in the file.
     pub samples: Vec<(Range<usize>, Sample)>,
     /// PDOs, machines and gates with their places in the file, for checks.
@@ -236,6 +239,7 @@ impl ProfileFile {
         for standard in standards.iter().rev() {
             device.extend(standard);
         }
+        device.deciding = device.deciding_objects();
         device
     }
 
@@ -289,6 +293,18 @@ impl ProfileFile {
 }
 
 impl Device {
+    /// Objects that modes, scales and PDO layouts look at.
+    fn deciding_objects(&self) -> Vec<ObjectAddress> {
+        let mut all = Vec::new();
+        for object in self.dictionary.layers.iter().flat_map(|layer| layer.iter()) {
+            object.deciding(&mut all);
+        }
+        all.extend(self.pdos.iter().filter_map(|pdo| pdo.when.as_ref()).map(|when| when.object.object));
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
+
     /// Adds what a standard says where the device itself says nothing.
     fn extend(&mut self, standard: &Device) {
         self.dictionary.layers.extend(standard.dictionary.layers.iter().cloned());
@@ -312,7 +328,7 @@ impl Device {
     pub fn abort(
         &self,
         code: u32,
-        object: Option<crate::wire::canopen::ObjectAddress>,
+        object: Option<ObjectAddress>,
     ) -> Option<&AbortText> {
         let matching = || self.aborts.iter().filter(|abort| abort.code == code);
         let special = object.and_then(|object| {

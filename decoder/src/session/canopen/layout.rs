@@ -17,7 +17,7 @@ const LAST_DUMMY: u16 = 0x1F;
 ///
 /// A device that says its PDOs never change is believed; else what the bus showed counts, then the bus
 /// file, then what the device's profile or EDS gives as delivered.
-pub(super) fn layout(node: &Node, name: PdoName) -> Option<Layout> {
+pub(in crate::session) fn layout(node: &Node, name: PdoName) -> Option<Layout> {
     let mut resolver = Resolver::new(&node.device().dictionary, node.store());
     let (spec, assumed) = match spec(node, name, &mut resolver) {
         Some((spec, assumed)) => (Some(spec), assumed),

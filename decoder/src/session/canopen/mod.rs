@@ -10,6 +10,7 @@ mod pdo;
 mod sdo;
 mod sync;
 
+pub(super) use layout::layout;
 pub(super) use lss::LssState;
 pub(super) use sdo::Channels;
 pub(super) use sync::SyncState;

@@ -6,6 +6,7 @@ use super::layout::layout;
 use crate::event::{Event, EventKind, FrameRange, Pdo, Protocol};
 use crate::frame::{Frame, FrameFlags, MAX_DATA};
 use crate::profile::{PdoDirection, PdoName};
+use crate::session::device::Plan;
 use crate::session::{Bus, Observer};
 
 /// Entries of a mapping parameter (CiA 301 §7.5.2.36); each can be a single bit.
@@ -43,8 +44,18 @@ impl Bus {
         pdo.length = frame.length;
         pdo.is_request = is_request;
         copy_payload(&mut pdo.bytes, frame);
+        let mut matters = false;
+        if let Some(plan) = &entry.plan {
+            matters = !same || plan.triggers;
+            if plan.commands {
+                entry.recent.push(frame.number, self.clock.now());
+            }
+        }
         if let Some(event) = self.routes.slot(slot).and_then(|entry| entry.pdo.as_deref()) {
             out.event(event, self);
+        }
+        if matters {
+            self.device_saw_pdo(slot, name, id, frame, out);
         }
     }
 
@@ -66,13 +77,19 @@ impl Bus {
     fn first_pdo(&mut self, slot: usize, name: PdoName, id: u8, frame: &Frame, out: &mut dyn Observer) {
         let mut bytes = [0; MAX_DATA];
         copy_payload(&mut bytes, frame);
+        let node = self.node(id);
+        let layout = node.and_then(|node| layout(node, name));
+        let plan = match (node.filter(|node| node.assigned.is_some()), &layout) {
+            (Some(node), Some(layout)) => Plan::of(&node.device, name, layout),
+            _ => None,
+        };
         let pdo = Pdo {
             name,
             cob_id: frame.id,
             is_request: frame.flags.contains(FrameFlags::REMOTE),
             length: frame.length,
             bytes,
-            layout: self.node(id).and_then(|node| layout(node, name)).map(Arc::new),
+            layout: layout.map(Arc::new),
         };
         let event = Event {
             time: frame.time,
@@ -84,12 +101,16 @@ impl Bus {
             routine: false,
             kind: EventKind::Pdo(pdo),
         };
+        let now = self.clock.now();
         if let Some(entry) = self.routes.slot_mut(slot) {
             entry.pdo = Some(Box::new(event));
+            entry.plan = plan.map(Arc::new);
+            entry.recent.push(frame.number, now);
         }
         if let Some(event) = self.routes.slot(slot).and_then(|entry| entry.pdo.as_deref()) {
             out.event(event, self);
         }
+        self.device_saw_pdo(slot, name, id, frame, out);
     }
 }
 

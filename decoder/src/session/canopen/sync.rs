@@ -54,6 +54,7 @@ impl Bus {
         let expected = self.sync.take(counter);
         let routine = !first && expected.is_none();
         self.emit(frame, 0, routine, EventKind::Sync { counter, expected }, out);
+        self.device_saw_sync(frame, out);
     }
 
     pub(in crate::session) fn on_time(&mut self, frame: &Frame, out: &mut dyn Observer) {

@@ -1,37 +1,230 @@
-//! What a device does by its manual: states, set points, procedures.
+//! What a device does by its manual: the memory behind its states, set points and procedures, and the way
+//! of a PDO through them.
+//!
+//! ```text
+//! PDO ─plan─▶ fields that matter ─changed?─▶ control, status, bits, modes ─▶ set points, procedures
+//! ```
 
+use std::sync::Arc;
+
+use super::machine::MachineState;
+use super::plan::Plan;
+use super::procedure::Running;
+use super::set_point::SetPointState;
+use crate::event::{EventKind, Pdo};
 use crate::frame::Frame;
-use crate::session::store::OriginKind;
+use crate::profile::device::Trigger;
+use crate::profile::{Device, Field, Layout, Meaning, PdoDirection, PdoName, Role};
+use crate::session::store::{Origin, OriginKind};
 use crate::session::{Bus, Observer};
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::nmt::NmtService;
 
+/// Something that happened: what, when, in which frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::session) struct Moment<T> {
+    pub(in crate::session) what: T,
+    pub(in crate::session) frame: u64,
+    /// Monotonic time in nanoseconds.
+    pub(in crate::session) time: i64,
+}
+
+/// What is remembered of a device's doings.
+#[derive(Debug, Clone, Default)]
+pub(in crate::session) struct Behaviour {
+    /// Last raw value of objects that matter and travel in PDOs.
+    words: Vec<(ObjectAddress, u64)>,
+    pub(super) machines: Vec<MachineState>,
+    pub(super) set_points: Vec<SetPointState>,
+    pub(super) running: Vec<Running>,
+    /// Modes told last.
+    pub(super) modes: Vec<(ObjectAddress, i64)>,
+    pub(super) nmt: Option<Moment<NmtService>>,
+    pub(super) emcy: Option<Moment<u16>>,
+    pub(super) boot: Option<Moment<()>>,
+    pub(super) sync: Option<Moment<()>>,
+}
+
+impl Behaviour {
+    /// Last raw value of an object in a PDO.
+    pub(super) fn word(&self, object: ObjectAddress) -> Option<u64> {
+        self.words.iter().find(|(known, _)| *known == object).map(|(_, raw)| *raw)
+    }
+
+    /// Notes a raw value; gives the one before.
+    fn note(&mut self, object: ObjectAddress, raw: u64) -> Option<u64> {
+        match self.words.iter_mut().find(|(known, _)| *known == object) {
+            Some((_, known)) => Some(std::mem::replace(known, raw)),
+            None => {
+                self.words.push((object, raw));
+                None
+            }
+        }
+    }
+
+    /// Bytes held.
+    pub(in crate::session) fn footprint(&self) -> usize {
+        self.words.capacity() * size_of::<(ObjectAddress, u64)>()
+            + self.machines.capacity() * size_of::<MachineState>()
+            + self.set_points.capacity() * size_of::<SetPointState>()
+            + self.running.capacity() * size_of::<Running>()
+    }
+}
+
+/// One field of a PDO that changed.
+pub(super) struct Changed<'a> {
+    pub(super) id: u8,
+    pub(super) device: &'a Device,
+    pub(super) field: &'a Field,
+    pub(super) meaning: &'a Arc<Meaning>,
+    pub(super) before: Option<u64>,
+    pub(super) raw: u64,
+}
+
 impl Bus {
+    /// A PDO came that may tell something of the device.
+    #[cold]
+    pub(in crate::session) fn device_saw_pdo(
+        &mut self,
+        slot: usize,
+        name: PdoName,
+        id: u8,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        let Some(entry) = self.routes.slot(slot) else { return };
+        let (Some(event), Some(plan)) = (entry.pdo.as_deref(), entry.plan.clone()) else { return };
+        let EventKind::Pdo(Pdo { layout: Some(layout), is_request: false, .. }) = &event.kind else { return };
+        let layout = Arc::clone(layout);
+        let Some(device) = self.node(id).map(|node| Arc::clone(&node.device)) else { return };
+        let mut set_points = false;
+        for place in &plan.fields {
+            let Some(field) = layout.fields.get(*place) else { continue };
+            let (Some(meaning), Some(raw)) = (&field.meaning, field.extract(frame.data())) else { continue };
+            let Some(node) = self.node_mut(id) else { return };
+            let before = node.behaviour.note(field.object, raw);
+            if before == Some(raw) {
+                continue;
+            }
+            set_points |= meaning.role == Some(Role::SetPoint) && name.direction == PdoDirection::Receive;
+            let changed = Changed { id, device: &device, field, meaning, before, raw };
+            self.field_changed(&changed, frame, out);
+        }
+        if set_points {
+            self.set_points_changed(id, name, &layout, &plan, frame, out);
+        }
+        if plan.triggers {
+            self.procedures_saw(id, &|trigger| *trigger == Trigger::Pdo(name), frame, out);
+            self.repeated_bits(id, &layout, &plan, frame, out);
+        }
+    }
+
+    fn field_changed(&mut self, changed: &Changed<'_>, frame: &Frame, out: &mut dyn Observer) {
+        let object = changed.field.object;
+        if changed.device.decides(object) {
+            self.sampled(changed, frame);
+        }
+        self.control_changed(changed, frame);
+        if changed.meaning.role == Some(Role::Mode) {
+            self.mode_seen(changed.id, object, frame, out);
+        }
+        let bits_before = changed.before;
+        self.bits_changed(changed, frame, out);
+        self.status_changed(changed, frame, out);
+        self.bits_trigger(changed.id, object, bits_before, changed.raw, frame, out);
+    }
+
+    /// A value in a PDO that decides how others are read enters the object store.
+    fn sampled(&mut self, changed: &Changed<'_>, frame: &Frame) {
+        let length = usize::from(changed.field.bits.div_ceil(8));
+        let bytes = changed.raw.to_le_bytes();
+        let Some(node) = self.node_mut(changed.id) else { return };
+        let origin = Origin { kind: OriginKind::Pdo, frame: frame.number, time: frame.time };
+        let bytes = bytes.get(..length).unwrap_or(&bytes);
+        if Arc::make_mut(&mut node.store).set(changed.field.object, bytes, origin).is_ok() {
+            self.routes.refresh_dependents(changed.id, changed.field.object);
+        }
+    }
+
+    /// A procedure may begin with a bit that is set again without having been clear: its PDO is sent once
+    /// an occasion.
+    fn repeated_bits(&mut self, id: u8, layout: &Layout, plan: &Plan, frame: &Frame, out: &mut dyn Observer) {
+        if !plan.once_an_occasion {
+            return;
+        }
+        for place in &plan.fields {
+            let Some(field) = layout.fields.get(*place) else { continue };
+            let Some(raw) = field.extract(frame.data()) else { continue };
+            self.bits_trigger(id, field.object, Some(0), raw, frame, out);
+        }
+    }
+
+    /// An EMCY came; it may explain a state or change what set points do.
     pub(in crate::session) fn device_saw_emcy(
         &mut self,
-        _id: u8,
-        _code: u16,
-        _frame: &Frame,
-        _out: &mut dyn Observer,
+        id: u8,
+        code: u16,
+        frame: &Frame,
+        out: &mut dyn Observer,
     ) {
+        let time = self.clock.now();
+        let Some(node) = self.node_mut(id) else { return };
+        if code != 0 {
+            node.behaviour.emcy = Some(Moment { what: code, frame: frame.number, time });
+        }
+        self.procedures_saw(id, &|trigger| *trigger == Trigger::Emcy(code), frame, out);
+        self.reassess(id, frame, out);
     }
+
+    /// An NMT command was given.
     pub(in crate::session) fn device_saw_nmt(
         &mut self,
-        _id: u8,
-        _service: NmtService,
-        _frame: &Frame,
-        _out: &mut dyn Observer,
+        id: u8,
+        service: NmtService,
+        frame: &Frame,
+        out: &mut dyn Observer,
     ) {
+        let time = self.clock.now();
+        let Some(node) = self.node_mut(id) else { return };
+        node.behaviour.nmt = Some(Moment { what: service, frame: frame.number, time });
+        let command = service.name();
+        self.procedures_saw(id, &|trigger| matches!(trigger, Trigger::Nmt(own) if own == command), frame, out);
     }
-    pub(in crate::session) fn device_restarted(&mut self, _id: u8) {}
+
+    /// A node started: procedures are over, set points are gone.
+    pub(in crate::session) fn device_restarted(&mut self, id: u8, frame: &Frame) {
+        let time = self.clock.now();
+        let Some(node) = self.node_mut(id) else { return };
+        node.behaviour.boot = Some(Moment { what: (), frame: frame.number, time });
+        node.behaviour.running.clear();
+        node.behaviour.set_points.clear();
+        let device = Arc::clone(&node.device);
+        let keeps = |object: &ObjectAddress| {
+            device.machines.iter().any(|machine| machine.status.object.object == *object)
+        };
+        node.behaviour.words.retain(|(object, _)| keeps(object));
+    }
+
+    /// A transfer of an object is complete.
     pub(in crate::session) fn device_saw_object(
         &mut self,
-        _id: u8,
-        _object: ObjectAddress,
-        _value: &[u8],
-        _kind: OriginKind,
-        _frame: &Frame,
-        _out: &mut dyn Observer,
+        id: u8,
+        object: ObjectAddress,
+        value: &[u8],
+        kind: OriginKind,
+        frame: &Frame,
+        out: &mut dyn Observer,
     ) {
+        let Some(node) = self.node(id).filter(|node| node.assigned.is_some()) else { return };
+        let is_mode = node.meaning(object).is_some_and(|meaning| meaning.role == Some(Role::Mode));
+        if is_mode {
+            self.mode_seen(id, object, frame, out);
+        }
+        self.announced(id, object, value, kind, frame, out);
+        self.procedures_saw_object(id, object, value, kind, frame, out);
+        let decides = self.node(id).is_some_and(|node| node.device.gates_on(object));
+        if decides {
+            self.reassess(id, frame, out);
+        }
     }
 }

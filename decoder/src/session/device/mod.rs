@@ -2,7 +2,16 @@
 
 mod assign;
 mod behaviour;
+mod bits;
+mod gates;
+mod machine;
+mod plan;
+mod procedure;
 mod restart;
+mod set_point;
 mod values;
 
+pub(super) use behaviour::Behaviour;
+pub use gates::{GateState, GateStatus};
+pub(super) use plan::{Plan, Recent};
 pub(super) use restart::Restart;

@@ -104,7 +104,7 @@ impl Bus {
         }
         self.forget_unsaved(id);
         self.routes.refresh_pdos_of(id);
-        self.device_restarted(id);
+        self.device_restarted(id, frame);
         self.tell_changes(id, changes, frame, out);
     }
 

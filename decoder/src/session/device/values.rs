@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::bus_file::encode;
 use crate::event::{EventKind, ObjectChange};
 use crate::frame::Frame;
 use crate::profile::device::Device;
@@ -71,7 +72,7 @@ impl Bus {
             self.set(id, learnt, entry, frame, out);
         }
         if let Some(found) = found.filter(|_| !effect.waits()) {
-            self.void(id, found, frame);
+            self.void(id, found);
         }
     }
 
@@ -174,25 +175,33 @@ impl Bus {
     }
 
     /// Objects whose known value is void after a write.
-    fn void(&mut self, id: u8, found: Found<'_>, frame: &Frame) {
+    fn void(&mut self, id: u8, found: Found<'_>) {
         let Some(entry) = found.entry.filter(|entry| !entry.invalidates.is_empty()) else { return };
         let stride = found.object.repeat.stride;
         let covers = |object: ObjectAddress| {
             object != found.address
                 && entry.invalidates.iter().any(|range| range.covers(object, found.nth, stride))
         };
-        self.doubt_values(id, covers, frame);
+        self.doubt_values(id, covers);
     }
 
     /// Values of these objects may be others now.
-    pub(in crate::session) fn doubt_values(
-        &mut self,
-        id: u8,
-        covers: impl Fn(ObjectAddress) -> bool,
-        _frame: &Frame,
-    ) {
+    pub(in crate::session) fn doubt_values(&mut self, id: u8, covers: impl Fn(ObjectAddress) -> bool) {
         let Some(node) = self.node_mut(id) else { return };
         for object in Arc::make_mut(&mut node.store).doubt_all(covers) {
+            self.routes.refresh_dependents(id, object);
+        }
+    }
+
+    /// A device put a value of its own: as its manual says, so it is assumed.
+    pub(in crate::session) fn fell_back_to(&mut self, id: u8, object: ObjectAddress, value: i64, frame: &Frame) {
+        let Some(node) = self.node_mut(id) else { return };
+        let data_type = node.device.dictionary.data_type(object);
+        let Ok(bytes) = encode(value, data_type) else { return };
+        let origin = Origin { kind: OriginKind::Upload, frame: frame.number, time: frame.time };
+        let store = Arc::make_mut(&mut node.store);
+        if store.set(object, &bytes, origin).is_ok() {
+            store.doubt(object);
             self.routes.refresh_dependents(id, object);
         }
     }

@@ -1,0 +1,109 @@
+//! Bits and modes by name.
+
+use super::behaviour::Changed;
+use crate::event::{BitsChanged, EventKind, ModeChange};
+use crate::frame::Frame;
+use crate::profile::device::Machine;
+use crate::profile::object::BitName;
+use crate::profile::{Device, PdoDirection, PdoName, Resolver, Role};
+use crate::session::{Bus, Observer};
+use crate::wire::canopen::ObjectAddress;
+
+impl Bus {
+    /// Bits of a word changed; those of a state machine are told as its states.
+    pub(super) fn bits_changed(&self, changed: &Changed<'_>, frame: &Frame, out: &mut dyn Observer) {
+        let Some(bits) = changed.meaning.bits.as_deref() else { return };
+        let own = machine_bits(changed.device, changed.field.object);
+        let mut event = BitsChanged {
+            object: changed.field.object,
+            name: changed.meaning.short.clone().unwrap_or_else(|| changed.meaning.name.clone()),
+            channel: changed.meaning.channel,
+            set: Vec::new(),
+            cleared: Vec::new(),
+            words: Vec::new(),
+        };
+        for bit in bits.list.iter().filter(|bit| !bit.reserved && own >> bit.bit & 1 == 0) {
+            let now = bit.of(changed.raw);
+            // What was before the first sight counts as clear.
+            if now != changed.before.map_or(0, |before| bit.of(before)) {
+                tell(bit, now, &mut event);
+            }
+        }
+        if !event.set.is_empty() || !event.cleared.is_empty() {
+            self.emit(frame, changed.id, false, EventKind::BitsChanged(Box::new(event)), out);
+        }
+    }
+
+    /// A mode of operation may be another one.
+    pub(super) fn mode_seen(&mut self, id: u8, object: ObjectAddress, frame: &Frame, out: &mut dyn Observer) {
+        let Some(node) = self.node(id) else { return };
+        let Some(meaning) = node.meaning(object) else { return };
+        let Some(entry) = node.store.get(object) else { return };
+        let value = meaning.decode(&entry.value);
+        let Some(number) = crate::profile::integer(&value) else { return };
+        let known = node.behaviour.modes.iter().find(|(known, _)| *known == object).map(|(_, mode)| *mode);
+        if known == Some(number) {
+            return;
+        }
+        let title = |number: i64| {
+            let name = meaning.values.as_deref().and_then(|values| values.get(number));
+            name.map_or_else(|| number.to_string(), |name| format!("{number} {name}"))
+        };
+        let event = ModeChange {
+            object,
+            name: meaning.name.clone(),
+            channel: meaning.channel,
+            from: known.map(title),
+            to: title(number),
+            consequence: self.set_points_under_mode(id, object),
+        };
+        if let Some(node) = self.node_mut(id) {
+            node.behaviour.modes.retain(|(known, _)| *known != object);
+            node.behaviour.modes.push((object, number));
+        }
+        self.emit(frame, id, false, EventKind::Mode(Box::new(event)), out);
+    }
+
+    /// `word 2 Q in l/min, word 3 p in bar`: what a mode makes of the first RPDO.
+    fn set_points_under_mode(&self, id: u8, mode: ObjectAddress) -> String {
+        const FIRST: PdoName = PdoName { direction: PdoDirection::Receive, number: 1 };
+        let Some(node) = self.node(id) else { return String::new() };
+        let Some(layout) = crate::session::canopen::layout(node, FIRST) else { return String::new() };
+        if !layout.depends.contains(&mode) {
+            return String::new();
+        }
+        let mut resolver = Resolver::new(&node.device.dictionary, node.store());
+        let words = layout.fields.iter().filter_map(|field| {
+            let meaning = resolver.meaning(field.object).filter(|it| it.role == Some(Role::SetPoint))?;
+            let unit = if meaning.unit.is_empty() { "raw" } else { &meaning.unit };
+            let name = meaning.short.as_ref().unwrap_or(&meaning.name);
+            Some(format!("word {} {name} in {unit}", field.bit / 16 + 1))
+        });
+        words.collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// Bits of an object that are told as states of a machine.
+fn machine_bits(device: &Device, object: ObjectAddress) -> u64 {
+    let of = |machine: &Machine| {
+        let status = Some(machine.status).filter(|it| it.object.object == object);
+        let control = Some(machine.control).filter(|it| it.object.object == object);
+        status.map_or(0, |it| it.mask) | control.map_or(0, |it| it.mask)
+    };
+    device.machines.iter().fold(0, |bits, machine| bits | of(machine))
+}
+
+fn tell(bit: &BitName, now: u64, event: &mut BitsChanged) {
+    let title = bit.text.as_ref().unwrap_or(&bit.name);
+    if bit.width > 1 {
+        let words = bit.word(now).unwrap_or_else(|| format!("{title} 0"));
+        event.set.push(format!("{} {now}", bit.name));
+        event.words.push(words);
+    } else if now == 1 {
+        event.set.push(bit.name.clone());
+        event.words.push(title.clone());
+    } else {
+        event.cleared.push(bit.name.clone());
+        event.words.push(bit.off.clone().unwrap_or_else(|| format!("{title} off")));
+    }
+}

@@ -1,0 +1,93 @@
+//! What of a PDO matters to the device's doings: worked out once a layout, so that most PDOs cost nothing.
+
+use crate::profile::device::{Condition, Trigger};
+use crate::profile::{Device, Layout, PdoDirection, PdoName, Role};
+use crate::wire::canopen::ObjectAddress;
+
+/// What is looked at in the PDOs of one layout.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(in crate::session) struct Plan {
+    /// Places of the fields.
+    pub(super) fields: Vec<usize>,
+    /// Looked at even if nothing changed: a procedure waits for this PDO.
+    pub(in crate::session) triggers: bool,
+    /// Sent once an occasion, so the same bits mean that it happened again.
+    pub(super) once_an_occasion: bool,
+    /// Commands a state machine: its frames are remembered.
+    pub(in crate::session) commands: bool,
+}
+
+/// Frames of the last PDOs that command a state machine, latest first.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(in crate::session) struct Recent {
+    frames: [(u64, i64); 4],
+}
+
+impl Recent {
+    /// None came yet.
+    pub(in crate::session) const NONE: Self = Self { frames: [(0, 0); 4] };
+
+    /// Another one came.
+    #[inline]
+    pub(in crate::session) fn push(&mut self, frame: u64, time: i64) {
+        let [first, second, third, _] = self.frames;
+        self.frames = [(frame, time), first, second, third];
+    }
+
+    /// The latest: frame and monotonic time.
+    pub(super) fn latest(&self) -> Option<(u64, i64)> {
+        let [latest, ..] = self.frames;
+        (latest.0 != 0).then_some(latest)
+    }
+}
+
+impl Plan {
+    /// The plan of a layout; `None` where nothing in it matters.
+    pub(in crate::session) fn of(device: &Device, name: PdoName, layout: &Layout) -> Option<Self> {
+        let mut plan = Self::default();
+        for (place, field) in layout.fields.iter().enumerate() {
+            let role = field.meaning.as_deref().and_then(|meaning| meaning.role);
+            let has_bits = field.meaning.as_deref().is_some_and(|meaning| meaning.bits.is_some());
+            let matters = matches!(role, Some(Role::Control | Role::Status | Role::SetPoint | Role::Mode));
+            if matters || has_bits || device.decides(field.object) || device.watches(field.object) {
+                plan.fields.push(place);
+            }
+            plan.commands |= device.machines.iter().any(|it| it.control.object.object == field.object);
+        }
+        let waits = |trigger: &Trigger| *trigger == Trigger::Pdo(name);
+        plan.triggers = device.procedures.iter().flat_map(|it| it.triggers()).any(waits);
+        let spec = device.pdos.iter().find(|spec| spec.pdo == name);
+        let is_event = spec.and_then(|spec| spec.trigger.as_deref()).is_some_and(|by| by == "event" || by == "rpdo");
+        let starts = |object: ObjectAddress| {
+            device.procedures.iter().any(|it| matches!(&it.start, Trigger::Bit(bit, _) if bit.object.object == object))
+        };
+        plan.once_an_occasion = is_event
+            && name.direction == PdoDirection::Transmit
+            && layout.fields.iter().any(|field| starts(field.object));
+        plan.triggers |= plan.once_an_occasion;
+        plan.commands &= name.direction == PdoDirection::Receive;
+        (!plan.fields.is_empty() || plan.triggers).then_some(plan)
+    }
+}
+
+impl Device {
+    /// Whether an object's value decides how others are read.
+    pub(in crate::session) fn decides(&self, object: ObjectAddress) -> bool {
+        self.deciding.contains(&object)
+    }
+
+    /// Whether a machine, a procedure or a gate looks at an object.
+    pub(in crate::session) fn watches(&self, object: ObjectAddress) -> bool {
+        let machine = self.machines.iter().any(|machine| {
+            machine.status.object.object == object || machine.control.object.object == object
+        });
+        let bit = |trigger: &Trigger| matches!(trigger, Trigger::Bit(bit, _) if bit.object.object == object);
+        machine || self.gates_on(object) || self.procedures.iter().flat_map(|it| it.triggers()).any(bit)
+    }
+
+    /// Whether a gate looks at an object.
+    pub(in crate::session) fn gates_on(&self, object: ObjectAddress) -> bool {
+        let on = |open: &Condition| matches!(open, Condition::Object { object: of, .. } if of.object == object);
+        self.gates.iter().any(|gate| gate.open.0.iter().any(on))
+    }
+}

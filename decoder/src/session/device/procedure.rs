@@ -1,0 +1,301 @@
+//! Procedures: calibrations, changeover, store and restore, changes of node-ID and bit rate.
+
+use std::sync::Arc;
+
+use super::behaviour::Moment;
+use super::gates::{GateStatus, Subject};
+use crate::event::{EventKind, ProcedureEvent};
+use crate::frame::Frame;
+use crate::profile::device::{Procedure, ProcedureStatus, Trigger, Wanted};
+use crate::profile::{PdoDirection, PdoName, Role, integer};
+use crate::session::node::Node;
+use crate::session::store::OriginKind;
+use crate::session::{Bus, Observer};
+use crate::wire::canopen::ObjectAddress;
+
+/// Procedures of a node that run at once.
+const MOST_RUNNING: usize = 32;
+
+/// A procedure that runs.
+#[derive(Debug, Clone)]
+pub(in crate::session) struct Running {
+    /// Place in the device's list.
+    place: usize,
+    started: Moment<()>,
+    /// The step told last.
+    step: Option<usize>,
+}
+
+impl Node {
+    /// Name of a running procedure that takes the set points over.
+    pub(super) fn takes_over(&self, running: &Running) -> Option<&str> {
+        let procedure = self.device.procedures.get(running.place)?;
+        procedure.takes_over.then_some(procedure.name.as_str())
+    }
+
+    /// Procedures that run.
+    pub fn procedures(&self) -> impl Iterator<Item = &Procedure> {
+        self.behaviour.running.iter().filter_map(|running| self.device.procedures.get(running.place))
+    }
+}
+
+impl Procedure {
+    /// Everything it waits for.
+    pub(in crate::session) fn triggers(&self) -> impl Iterator<Item = &Trigger> {
+        let ends = [Some(&self.start), self.stop.as_ref(), self.end.as_ref(), self.also_end.as_ref()];
+        ends.into_iter().flatten().chain(self.steps.iter().map(|step| &step.on))
+    }
+}
+
+impl Bus {
+    /// Something happened that procedures may wait for.
+    pub(super) fn procedures_saw(
+        &mut self,
+        id: u8,
+        happened: &dyn Fn(&Trigger) -> bool,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        let Some(device) = self.node(id).map(|node| Arc::clone(&node.device)) else { return };
+        for (place, procedure) in device.procedures.iter().enumerate() {
+            let running = self.node(id).is_some_and(|node| {
+                node.behaviour.running.iter().any(|running| running.place == place)
+            });
+            if !running {
+                if happened(&procedure.start) {
+                    self.start(id, place, procedure, frame, out);
+                }
+                continue;
+            }
+            let is = |trigger: &Option<Trigger>| trigger.as_ref().is_some_and(happened);
+            if is(&procedure.stop) {
+                self.finish_procedure(id, place, procedure, ProcedureStatus::Stopped, "", frame, out);
+            } else if is(&procedure.end) {
+                self.finish_procedure(id, place, procedure, ProcedureStatus::Ok, "", frame, out);
+            } else if is(&procedure.also_end) {
+                let text = "how it ended is in its status";
+                self.finish_procedure(id, place, procedure, ProcedureStatus::Ended, text, frame, out);
+            } else if let Some(step) = procedure.steps.iter().position(|step| happened(&step.on)) {
+                self.go_on(id, place, procedure, step, frame, out);
+            }
+        }
+    }
+
+    fn start(&mut self, id: u8, place: usize, procedure: &Procedure, frame: &Frame, out: &mut dyn Observer) {
+        let time = self.clock.now();
+        let range = procedure.invalidates.clone();
+        self.doubt_values(id, |object| range.iter().any(|range| range.covers(object, 0, 0)));
+        if procedure.instant {
+            let event = described(procedure, "finished", ProcedureStatus::Ok);
+            return self.emit(frame, id, false, EventKind::Procedure(Box::new(event)), out);
+        }
+        let Some(node) = self.node_mut(id) else { return };
+        if node.behaviour.running.len() >= MOST_RUNNING {
+            node.behaviour.running.remove(0);
+        }
+        let started = Moment { what: (), frame: frame.number, time };
+        node.behaviour.running.push(Running { place, started, step: None });
+        let mut event = described(procedure, "started", ProcedureStatus::Running);
+        event.text = self.unmet(id, procedure);
+        self.emit(frame, id, false, EventKind::Procedure(Box::new(event)), out);
+        if procedure.takes_over {
+            self.reassess(id, frame, out);
+        }
+    }
+
+    /// Preconditions that the bus shows not to hold.
+    fn unmet(&self, id: u8, procedure: &Procedure) -> String {
+        let Some(node) = self.node(id) else { return String::new() };
+        let pdo = PdoName { direction: PdoDirection::Receive, number: 1 };
+        let subject = Subject { object: ObjectAddress::default(), channel: None, pdo };
+        let now = self.clock.now();
+        let needs = procedure.needs.iter().map(|need| node.holds(need, subject, now));
+        let unmet: Vec<_> = needs.filter(|(status, _)| *status == GateStatus::Closed).map(|(_, it)| it).collect();
+        if unmet.is_empty() { String::new() } else { format!("precondition not met: {}", unmet.join(", ")) }
+    }
+
+    fn go_on(
+        &mut self,
+        id: u8,
+        place: usize,
+        procedure: &Procedure,
+        step: usize,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        let now = self.clock.now();
+        let Some(node) = self.node_mut(id) else { return };
+        let Some(running) = node.behaviour.running.iter_mut().find(|it| it.place == place) else { return };
+        if running.step.replace(step) == Some(step) {
+            return;
+        }
+        let duration = now.saturating_sub(running.started.time);
+        let Some(name) = procedure.steps.get(step).map(|step| step.step.as_str()) else { return };
+        let mut event = described(procedure, name, ProcedureStatus::Running);
+        event.duration = self.clock.runs().then_some(duration);
+        self.emit(frame, id, false, EventKind::Procedure(Box::new(event)), out);
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "what ended, how, where")]
+    fn finish_procedure(
+        &mut self,
+        id: u8,
+        place: usize,
+        procedure: &Procedure,
+        status: ProcedureStatus,
+        text: &str,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        let now = self.clock.now();
+        let Some(node) = self.node_mut(id) else { return };
+        let found = node.behaviour.running.iter().position(|running| running.place == place);
+        let started = found.map(|found| node.behaviour.running.remove(found).started);
+        let mut event = described(procedure, "finished", status);
+        let duration = started.map(|started| now.saturating_sub(started.time));
+        event.duration = duration.filter(|_| self.clock.runs());
+        text.clone_into(&mut event.text);
+        self.emit(frame, id, false, EventKind::Procedure(Box::new(event)), out);
+        if status == ProcedureStatus::Error {
+            for fallback in &procedure.on_error {
+                self.fell_back_to(id, fallback.object.object, fallback.becomes, frame);
+            }
+        }
+        if procedure.takes_over {
+            self.reassess(id, frame, out);
+        }
+    }
+
+    /// Bits of an object changed.
+    #[expect(clippy::too_many_arguments, reason = "an object, its bits before and after, where")]
+    pub(super) fn bits_trigger(
+        &mut self,
+        id: u8,
+        object: ObjectAddress,
+        before: Option<u64>,
+        raw: u64,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        let happened = |trigger: &Trigger| {
+            let Trigger::Bit(bit, becomes) = trigger else { return false };
+            let set = |word: u64| word >> bit.bit & 1 == 1;
+            bit.object.object == object && set(raw) == *becomes && set(before.unwrap_or(0)) != *becomes
+        };
+        let watched = self.node(id).is_some_and(|node| {
+            node.device.procedures.iter().flat_map(Procedure::triggers).any(&happened)
+        });
+        if watched {
+            self.procedures_saw(id, &happened, frame, out);
+        }
+    }
+
+    /// An object was written or read that procedures may wait for.
+    #[expect(clippy::too_many_arguments, reason = "an object, its value, how, where")]
+    pub(super) fn procedures_saw_object(
+        &mut self,
+        id: u8,
+        object: ObjectAddress,
+        value: &[u8],
+        kind: OriginKind,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        let Some(node) = self.node(id) else { return };
+        let device = Arc::clone(&node.device);
+        let number = node.meaning(object).and_then(|meaning| integer(&meaning.decode(value)));
+        let fits = |wanted: &Option<Wanted>| match wanted {
+            None => true,
+            Some(Wanted::Text(text)) => text.as_bytes() == value,
+            Some(Wanted::Numbers(numbers)) => number.is_some_and(|number| numbers.contains(number)),
+        };
+        let happened = |trigger: &Trigger| match trigger {
+            Trigger::Write(of, wanted) => kind == OriginKind::Download && of.object == object && fits(wanted),
+            Trigger::Read(of, wanted) => kind == OriginKind::Upload && of.object == object && fits(wanted),
+            _ => false,
+        };
+        self.procedures_saw(id, &happened, frame, out);
+        if kind != OriginKind::Upload {
+            return;
+        }
+        let word = crate::profile::little_endian(value);
+        for (place, procedure) in device.procedures.iter().enumerate() {
+            let Some(status) = procedure.status.as_ref().filter(|it| it.object.object == object) else { continue };
+            let Some(code) = device.codes.get(&status.codes).and_then(|codes| codes.find(word)) else { continue };
+            self.status_read(id, place, procedure, code.outcome, &code.text, frame, out);
+        }
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "a procedure, its status, where")]
+    fn status_read(
+        &mut self,
+        id: u8,
+        place: usize,
+        procedure: &Procedure,
+        outcome: ProcedureStatus,
+        text: &str,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        let Some(node) = self.node(id) else { return };
+        let runs = node.behaviour.running.iter().any(|running| running.place == place);
+        match outcome {
+            // A recording that began in the middle shows it by its status only.
+            ProcedureStatus::Running if !runs => self.start(id, place, procedure, frame, out),
+            ProcedureStatus::Running => {}
+            _ if runs => self.finish_procedure(id, place, procedure, outcome, text, frame, out),
+            _ => {}
+        }
+    }
+
+    /// A node-ID or bit rate was written: what it brings, and when.
+    pub(super) fn announced(
+        &mut self,
+        id: u8,
+        object: ObjectAddress,
+        value: &[u8],
+        kind: OriginKind,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        let Some(node) = self.node(id).filter(|_| kind == OriginKind::Download) else { return };
+        let Some(meaning) = node.meaning(object) else { return };
+        let shown = meaning.show(&meaning.decode(value));
+        let entry = node.device.dictionary.find(object).and_then(|found| found.entry);
+        let when = entry.map_or("at a time not known", |entry| entry.effect.when());
+        let (name, word, text) = match meaning.role {
+            Some(Role::NodeId) => ("node-ID change", "IDENT", format!("node-ID {shown} {when}")),
+            Some(Role::BitRate) => ("bit-rate change", "RATE", format!("bus goes to {shown} {when}")),
+            _ => return,
+        };
+        let event = ProcedureEvent {
+            procedure: name.into(),
+            word: Some(word.into()),
+            step: "started".into(),
+            status: ProcedureStatus::Running.name(),
+            duration: None,
+            nominal: None,
+            text,
+            object: Some(object),
+            takes_over: false,
+        };
+        self.emit(frame, id, false, EventKind::Procedure(Box::new(event)), out);
+    }
+}
+
+fn described(procedure: &Procedure, step: &str, status: ProcedureStatus) -> ProcedureEvent {
+    ProcedureEvent {
+        procedure: procedure.name.clone(),
+        word: procedure.word.clone(),
+        step: step.to_owned(),
+        status: status.name(),
+        duration: None,
+        nominal: procedure.seconds,
+        text: String::new(),
+        object: match &procedure.start {
+            Trigger::Write(object, _) => Some(object.object),
+            _ => None,
+        },
+        takes_over: procedure.takes_over,
+    }
+}

@@ -1,0 +1,232 @@
+//! Set points: when they change, when they act, and whether they do.
+
+use std::sync::Arc;
+
+use super::behaviour::Moment;
+use super::gates::Subject;
+use super::plan::Plan;
+use crate::event::{Effective, EventKind, FrameRange, Quantity, SetPoint};
+use crate::frame::Frame;
+use crate::profile::device::PdoEffect;
+use crate::profile::{Layout, Meaning, PdoName, Role, Value};
+use crate::session::node::Node;
+use crate::session::timers::Subject as Timer;
+use crate::session::{Bus, Observer};
+use crate::wire::canopen::ObjectAddress;
+
+/// Without a SYNC for this long a set point that waits for one is told as not acting, in nanoseconds.
+const SYNC_AWAITED: i64 = 1_000_000_000;
+
+/// Transmission types up to this one wait for SYNC (CiA 301 §7.5.2.35).
+const LAST_SYNCHRONOUS: u64 = 240;
+
+/// One set point of a node.
+#[derive(Debug, Clone)]
+pub(in crate::session) struct SetPointState {
+    pdo: PdoName,
+    meaning: Arc<Meaning>,
+    /// Value that was told last.
+    told: Option<Value>,
+    effective: Option<Effective>,
+    gates: Vec<String>,
+    /// Value that waits for SYNC, and when it came.
+    waiting: Option<(Value, Moment<()>)>,
+}
+
+impl SetPointState {
+    pub(super) fn subject(&self) -> Subject {
+        Subject { object: self.meaning.object, channel: self.meaning.channel, pdo: self.pdo }
+    }
+
+    pub(super) fn title(&self) -> &str {
+        &self.meaning.name
+    }
+}
+
+impl Bus {
+    /// Set points in an RPDO changed.
+    pub(super) fn set_points_changed(
+        &mut self,
+        id: u8,
+        name: PdoName,
+        layout: &Layout,
+        plan: &Plan,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        let moment = Moment { what: (), frame: frame.number, time: self.clock.now() };
+        let Some(waits) = self.node(id).map(|node| node.waits_for_sync(name)) else { return };
+        for place in &plan.fields {
+            let Some(field) = layout.fields.get(*place) else { continue };
+            let Some(meaning) = field.meaning.as_ref().filter(|it| it.role == Some(Role::SetPoint)) else {
+                continue;
+            };
+            let Some(raw) = field.extract(frame.data()) else { continue };
+            let value = field.data_type.number(raw);
+            let Some(place) = self.set_point(id, name, meaning) else { continue };
+            let Some(point) = self.set_point_mut(id, place) else { continue };
+            if point.told.as_ref() == Some(&value) {
+                point.waiting = None;
+            } else if waits {
+                point.waiting = Some((value, moment));
+            } else {
+                self.tell_set_point(id, place, value, moment, frame, out);
+            }
+        }
+        if waits {
+            self.timers.remove(Timer::SetPoint(id));
+            self.timers.add(moment.time.saturating_add(SYNC_AWAITED), Timer::SetPoint(id));
+        }
+    }
+
+    fn set_point_mut(&mut self, id: u8, place: usize) -> Option<&mut SetPointState> {
+        self.node_mut(id)?.behaviour.set_points.get_mut(place)
+    }
+
+    /// Place of a set point; its meaning is the present one.
+    fn set_point(&mut self, id: u8, pdo: PdoName, meaning: &Arc<Meaning>) -> Option<usize> {
+        let points = &mut self.node_mut(id)?.behaviour.set_points;
+        let known = points.iter().position(|it| it.meaning.object == meaning.object && it.pdo == pdo);
+        if let Some(place) = known {
+            points.get_mut(place)?.meaning = Arc::clone(meaning);
+            return Some(place);
+        }
+        points.push(SetPointState {
+            pdo,
+            meaning: Arc::clone(meaning),
+            told: None,
+            effective: None,
+            gates: Vec::new(),
+            waiting: None,
+        });
+        Some(points.len() - 1)
+    }
+
+    /// A SYNC came: what waited for it acts.
+    pub(in crate::session) fn device_saw_sync(&mut self, frame: &Frame, out: &mut dyn Observer) {
+        let moment = Moment { what: (), frame: frame.number, time: self.clock.now() };
+        for place in 0..self.nodes.len() {
+            let Some(node) = self.nodes.get_mut(place) else { return };
+            if node.assigned.is_none() || node.sync != frame.id {
+                continue;
+            }
+            node.behaviour.sync = Some(moment);
+            let id = node.id;
+            for place in 0..node.behaviour.set_points.len() {
+                let waiting = self.set_point_mut(id, place).and_then(|point| point.waiting.take());
+                if let Some((value, came)) = waiting {
+                    self.tell_set_point(id, place, value, came, frame, out);
+                }
+            }
+        }
+    }
+
+    /// No SYNC came for set points that wait for one.
+    pub(in crate::session) fn sync_missing(&mut self, id: u8, out: &mut dyn Observer) {
+        let frame = Frame { number: self.last_frame, time: self.last_time, ..Frame::EMPTY };
+        let Some(count) = self.node(id).map(|node| node.behaviour.set_points.len()) else { return };
+        for place in 0..count {
+            let waiting = self.set_point_mut(id, place).and_then(|point| point.waiting.take());
+            if let Some((value, came)) = waiting {
+                self.tell_set_point(id, place, value, came, &frame, out);
+            }
+        }
+    }
+
+    /// Tells a new value: it acts, or does not, from `frame` on.
+    fn tell_set_point(
+        &mut self,
+        id: u8,
+        place: usize,
+        value: Value,
+        came: Moment<()>,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        let now = self.clock.now();
+        let runs = self.clock.runs();
+        let Some(node) = self.node(id) else { return };
+        let Some(point) = node.behaviour.set_points.get(place) else { return };
+        let verdict = node.verdict(point.subject(), now);
+        let waited = came.frame != frame.number && runs && node.behaviour.sync.is_some_and(|it| it.frame == frame.number);
+        let mut told = point.event(&value, verdict.effective, &verdict.gates);
+        told.sync_after = waited.then(|| now.saturating_sub(came.time));
+        let mut event = self.event(frame, EventKind::SetPoint(Box::new(told)));
+        event.node = Some(id);
+        event.frames = FrameRange { first: came.frame, last: frame.number };
+        if let Some(point) = self.set_point_mut(id, place) {
+            point.told = Some(value);
+            point.effective = Some(verdict.effective);
+            point.gates = verdict.gates;
+        }
+        out.event(&event, self);
+    }
+
+    /// Something changed that gates look at: tells set points that began or ceased to act.
+    pub(in crate::session) fn reassess(&mut self, id: u8, frame: &Frame, out: &mut dyn Observer) {
+        let now = self.clock.now();
+        let Some(node) = self.node(id) else { return };
+        let mut changes = Vec::new();
+        for (place, point) in node.behaviour.set_points.iter().enumerate() {
+            let Some(value) = &point.told else { continue };
+            let verdict = node.verdict(point.subject(), now);
+            if point.effective != Some(verdict.effective) {
+                changes.push((place, point.event(value, verdict.effective, &verdict.gates), verdict));
+            }
+        }
+        for (place, event, verdict) in changes {
+            if let Some(point) = self.set_point_mut(id, place) {
+                point.effective = Some(verdict.effective);
+                point.gates = verdict.gates;
+            }
+            self.emit(frame, id, false, EventKind::SetPoint(Box::new(event)), out);
+        }
+    }
+}
+
+impl SetPointState {
+    fn event(&self, value: &Value, effective: Effective, gates: &[String]) -> SetPoint {
+        let quantity = |value: &Value| Quantity {
+            number: self.meaning.scaled(value).or_else(|| plain(&self.meaning, value)),
+            text: self.meaning.show(value),
+        };
+        SetPoint {
+            object: self.meaning.object,
+            signal: self.meaning.name.clone(),
+            short: self.meaning.short.clone(),
+            channel: self.meaning.channel,
+            pdo: self.pdo,
+            from: self.told.as_ref().map(quantity),
+            to: quantity(value),
+            unit: self.meaning.unit.clone(),
+            assumed: self.meaning.assumed,
+            effective,
+            gates: gates.to_vec(),
+            sync_after: None,
+        }
+    }
+}
+
+/// A number without scale is its own quantity, unless it has a name.
+fn plain(meaning: &Meaning, value: &Value) -> Option<f64> {
+    if meaning.scale.is_some() || meaning.label(value).is_some() {
+        return None;
+    }
+    #[expect(clippy::cast_precision_loss, reason = "values are for reading; data is the truth")]
+    crate::profile::integer(value).map(|number| number as f64)
+}
+
+impl Node {
+    /// Whether an RPDO acts at the next SYNC: as the device says, else by its transmission type.
+    fn waits_for_sync(&self, name: PdoName) -> bool {
+        let spec = self.device.pdos.iter().find(|spec| spec.pdo == name);
+        match spec.map(|spec| spec.effect).unwrap_or_default() {
+            PdoEffect::AtSync => true,
+            PdoEffect::AtOnce => false,
+            PdoEffect::ByType => {
+                let kind = self.store.number(ObjectAddress::new(name.communication_index(), 2));
+                kind.is_some_and(|kind| kind <= LAST_SYNCHRONOUS)
+            }
+        }
+    }
+}
