@@ -299,6 +299,7 @@ fn transfers() -> Vec<EventKind> {
         data: vec![0xE9, 3],
         truncated: false,
         previous: None,
+        previous_assumed: false,
         duration: Some(1_000_000),
         outcome: Outcome::Complete,
         abort: None,

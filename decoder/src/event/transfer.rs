@@ -144,6 +144,8 @@ pub struct SdoTransfer {
     pub truncated: bool,
     /// Value known before this transfer.
     pub previous: Option<Vec<u8>>,
+    /// That value is a default, or may have changed unseen.
+    pub previous_assumed: bool,
     /// Nanoseconds from first to last frame.
     pub duration: Option<i64>,
     /// How it ended.

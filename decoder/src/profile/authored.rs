@@ -152,12 +152,12 @@ fn object(mut authored: Authored, span: Range<usize>, tables: &Tables) -> Result
     let entries = match std::mem::take(&mut authored.sub) {
         Sub::Number(_) => return Err(here("sub of an object is the list of its sub-entries")),
         Sub::None => vec![entry(authored, span.clone(), 0, &source, tables)?],
-        Sub::List(list) => {
+        Sub::List(entries) => {
             let strange = authored.stray_key();
             if let Some(key) = strange {
                 return Err(here(&format!("{key} stands at the sub-entries of an object that has some")));
             }
-            sub_entries(list, &source, authored.note.as_deref(), tables)?
+            sub_entries(entries, &source, authored.note.as_deref(), tables)?
         }
     };
     let is_record = entries.len() > 1 || entries.first().is_some_and(|entry| entry.sub != 0 || entry.to != 0);

@@ -2,7 +2,7 @@
 //!
 //! Samples are run by `samples.rs`, which knows the decoder.
 
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 use super::authored::Wrong;
@@ -107,7 +107,7 @@ impl Check<'_> {
             self.bits(bits, data_type, span);
         }
         match look.scale {
-            Some(Scale::Factor(factor)) if factor == 0.0 => self.say(span, "scale is 0"),
+            Some(Scale::Factor(0.0)) => self.say(span, "scale is 0"),
             Some(Scale::Anchor { raw, value }) if raw == 0.0 || value == 0.0 => {
                 self.say(span, "raw and value of a scale are not 0");
             }
@@ -177,13 +177,13 @@ impl Check<'_> {
     }
 
     fn duplicates(&mut self, objects: &[Object]) {
-        let mut seen = BTreeMap::new();
+        let mut seen = BTreeSet::new();
         for object in objects {
             for nth in 0..object.repeat.count {
                 let index = object.index.wrapping_add(nth.wrapping_mul(object.repeat.stride));
                 for entry in &object.entries {
                     for sub in entry.sub..=entry.to {
-                        if seen.insert((index, sub), ()).is_some() {
+                        if !seen.insert((index, sub)) {
                             let address = ObjectAddress::new(index, sub);
                             self.say(&entry.span, format!("{address} is described twice"));
                         }

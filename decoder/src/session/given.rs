@@ -3,11 +3,13 @@
 use std::sync::Arc;
 
 use super::Bus;
+use super::SessionOptions;
 use super::routes::Service;
 use super::store::{Origin, OriginKind};
-use crate::bus_file::{ObjectValue, encode};
+use crate::bus_file::{AreaEntry, ObjectValue, encode};
 use crate::frame::CanId;
-use crate::profile::Owner;
+use crate::profile::device::PdoField;
+use crate::profile::{Owner, Reference};
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
 
@@ -33,16 +35,30 @@ impl Bus {
         }
         for assignment in &options.assignments {
             if assignment.bus.as_deref().is_none_or(|bus| bus == &*name) {
-                self.assign(assignment.node, Arc::clone(&assignment.device), assignment.by);
+                self.assign(assignment.node, &assignment.device, assignment.by);
             }
         }
         for (id, address, value) in options.bus_file.objects(&name) {
             self.give_object(*id, *address, value);
         }
+        self.give_areas(&options, &name);
         for (id, address, unit) in options.bus_file.units(&name) {
             if let Some(node) = self.node_mut(*id) {
                 Arc::make_mut(&mut node.store).give_unit(*address, unit);
             }
+        }
+    }
+
+    /// Slices what the bus file lists into PDOs of eight bytes, in order.
+    fn give_areas(&mut self, options: &SessionOptions, bus: &str) {
+        for node in &mut self.nodes {
+            let mut pdos = Vec::new();
+            for area in &node.device.areas {
+                let entries = options.bus_file.area(bus, node.id, &area.name).unwrap_or_default();
+                let names = area.pdos.iter().filter_map(|name| name.parse().ok());
+                pdos.extend(names.zip(slices(entries)));
+            }
+            node.given_pdos = Arc::new(pdos);
         }
     }
 
@@ -82,6 +98,32 @@ impl Bus {
     }
 }
 
+/// The entries of an area in PDOs of eight bytes. One that does not fit the rest of a PDO goes on in the
+/// next one: then neither part is a value, and both are room.
+fn slices(entries: &[AreaEntry]) -> Vec<Vec<PdoField>> {
+    const PDO_BITS: u16 = 64;
+    let mut pdos = vec![Vec::new()];
+    let mut free = PDO_BITS;
+    for entry in entries {
+        let mut bits = u16::from(entry.bytes) * 8;
+        let whole = bits <= free;
+        while bits > 0 {
+            let taken = bits.min(free);
+            let object = whole.then_some(Reference { object: entry.object, step: Some(0) });
+            if let Some(pdo) = pdos.last_mut() {
+                pdo.push(PdoField { object, bits: taken, constant: None });
+            }
+            bits -= taken;
+            free -= taken;
+            if free == 0 {
+                pdos.push(Vec::new());
+                free = PDO_BITS;
+            }
+        }
+    }
+    pdos
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -106,6 +148,18 @@ mod tests {
             bus.push(&frame, &mut |event: &Event, _: &Bus| events.push(event.clone()));
         }
         events
+    }
+
+    #[test]
+    fn an_area_is_sliced_in_order() {
+        let entry = |index, bytes| AreaEntry { object: ObjectAddress::new(index, 0), bytes };
+        let pdos = slices(&[entry(0x2001, 4), entry(0x2002, 2), entry(0x2003, 4), entry(0x2004, 2)]);
+        let shown: Vec<Vec<_>> = pdos
+            .iter()
+            .map(|pdo| pdo.iter().map(|it| (it.object.map(|of| of.object.index), it.bits)).collect())
+            .collect();
+        assert_eq!(shown[0], [(Some(0x2001), 32), (Some(0x2002), 16), (None, 16)]);
+        assert_eq!(shown[1], [(None, 16), (Some(0x2004), 16)]);
     }
 
     #[test]

@@ -7,7 +7,8 @@ use super::device::{Behaviour, Restart};
 use super::store::Store;
 use crate::event::{Certainty, StateCause};
 use crate::frame::{CanId, Timestamp};
-use crate::profile::{Device, Meaning, Resolver, plain_device};
+use crate::profile::device::PdoField;
+use crate::profile::{Device, Meaning, PdoName, Resolver, plain_device};
 use crate::wire::canopen::emcy::ByteOrder;
 use crate::wire::canopen::{NmtState, ObjectAddress};
 
@@ -110,6 +111,8 @@ pub struct Node {
     pub(super) device: Arc<Device>,
     /// What told it.
     pub(super) assigned: Option<AssignedBy>,
+    /// What the maker's tool put into PDOs, as the bus file tells.
+    pub(super) given_pdos: Arc<Vec<(PdoName, Vec<PdoField>)>>,
     /// What the device does.
     pub(super) behaviour: Behaviour,
     /// Several devices fit, and that was said.
@@ -170,6 +173,7 @@ impl Node {
             store: Arc::default(),
             device: Arc::clone(plain_device()),
             assigned: None,
+            given_pdos: Arc::default(),
             behaviour: Behaviour::default(),
             ambiguous: false,
         }
@@ -233,6 +237,11 @@ impl Node {
     /// Profile and variant, where one was assigned.
     pub fn device_id(&self) -> Option<&str> {
         self.assigned.map(|_| self.device.full_id.as_str())
+    }
+
+    /// What the bus file says is in a PDO.
+    pub(super) fn given_pdo(&self, name: PdoName) -> Option<&[PdoField]> {
+        self.given_pdos.iter().find(|(given, _)| *given == name).map(|(_, fields)| fields.as_slice())
     }
 
     /// What an object means now.

@@ -2,6 +2,7 @@
 
 use super::Bus;
 use super::belief::Standing;
+use super::device::GateState;
 use super::node::Node;
 use super::routes::Service;
 use super::timers::Subject;
@@ -35,6 +36,11 @@ impl Bus {
     /// All nodes in order of their node-ID.
     pub fn nodes(&self) -> impl Iterator<Item = &Node> {
         (1..=127).filter_map(|id| self.node(id))
+    }
+
+    /// All gates of all set points of a node that were seen, closed ones first.
+    pub fn gates(&self, node: u8) -> Vec<GateState> {
+        self.node(node).map_or_else(Vec::new, |node| node.gates(self.clock.now()))
     }
 
     /// What an object of a node means now; of one never heard what CiA 301 says.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use foldhash::fast::FixedState;
 
 use super::EXTENDED_ID_LIMIT;
-use super::device::{Plan, Recent};
+use super::device::Planned;
 use crate::event::{Event, EventKind, Pdo};
 use crate::frame::CanId;
 use crate::profile::{Owner, PdoName, connection_set};
@@ -42,14 +42,12 @@ pub(super) struct Slot {
     /// The event of its last PDO, updated in place: no allocation a frame.
     pub(super) pdo: Option<Box<Event>>,
     /// What of it matters to the device's doings.
-    pub(super) plan: Option<Arc<Plan>>,
-    /// Frames of the last ones, where they command a state machine.
-    pub(super) recent: Recent,
+    pub(super) plan: Option<Box<Planned>>,
 }
 
 impl Slot {
     const fn new(service: Service) -> Self {
-        Self { service, pdo: None, plan: None, recent: Recent::NONE }
+        Self { service, pdo: None, plan: None }
     }
 }
 

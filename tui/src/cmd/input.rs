@@ -133,7 +133,7 @@ fn add_file(catalogue: &mut Catalogue, path: &Path) {
     let bundled = catalogue.ids();
     match catalogue.add_text(&name, &text) {
         Ok(id) if bundled.contains(&id) => {
-            warn(&format!("{name}: is used for {id} instead of this program's own"))
+            warn(&format!("{name}: is used for {id} instead of this program's own"));
         }
         Ok(_) => {}
         Err(error) => {

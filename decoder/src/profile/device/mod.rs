@@ -325,11 +325,7 @@ impl Device {
     }
 
     /// The device's own text of an abort code, for an object where the text depends on it.
-    pub fn abort(
-        &self,
-        code: u32,
-        object: Option<ObjectAddress>,
-    ) -> Option<&AbortText> {
+    pub fn abort(&self, code: u32, object: Option<ObjectAddress>) -> Option<&AbortText> {
         let matching = || self.aborts.iter().filter(|abort| abort.code == code);
         let special = object.and_then(|object| {
             matching().find(|abort| abort.objects.iter().any(|range| range.covers(object, 0, 0)))

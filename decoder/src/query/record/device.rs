@@ -3,7 +3,8 @@
 use super::transfer::rounded;
 use super::{FieldValue, Fields};
 use crate::event::{
-    BitsChanged, Conflict, DeviceState, ModeChange, NodeIdentified, ProcedureEvent, Quantity, SetPoint,
+    BitsChanged, Conflict, DeviceState, EventKind, ModeChange, NodeIdentified, ProcedureEvent, Quantity,
+    SetPoint,
 };
 
 fn texts(key: &'static str, list: &[String], fields: &mut dyn Fields) {
@@ -20,12 +21,27 @@ fn channel(channel: Option<u8>, fields: &mut dyn Fields) {
     }
 }
 
-pub(super) fn node_identified(node: &NodeIdentified, fields: &mut dyn Fields) {
+/// The fields of a device's event; `false` if it is none.
+pub(super) fn tell(kind: &EventKind, fields: &mut dyn Fields) -> bool {
+    match kind {
+        EventKind::NodeIdentified(node) => node_identified(node, fields),
+        EventKind::DeviceState(state) => device_state(state, fields),
+        EventKind::BitsChanged(bits) => bits_changed(bits, fields),
+        EventKind::SetPoint(point) => set_point(point, fields),
+        EventKind::Mode(mode) => mode_change(mode, fields),
+        EventKind::Procedure(event) => procedure(event, fields),
+        EventKind::Conflict(sides) => conflict(sides, fields),
+        _ => return false,
+    }
+    true
+}
+
+fn node_identified(node: &NodeIdentified, fields: &mut dyn Fields) {
     fields.field("title", FieldValue::Text(&node.title));
     fields.field("by", FieldValue::Text(node.by));
 }
 
-pub(super) fn device_state(state: &DeviceState, fields: &mut dyn Fields) {
+fn device_state(state: &DeviceState, fields: &mut dyn Fields) {
     fields.field("machine", FieldValue::Text(&state.machine));
     channel(state.channel, fields);
     fields.field("from", state.from.as_deref().map_or(FieldValue::Null, FieldValue::Text));
@@ -54,7 +70,7 @@ pub(super) fn device_state(state: &DeviceState, fields: &mut dyn Fields) {
     }
 }
 
-pub(super) fn bits_changed(bits: &BitsChanged, fields: &mut dyn Fields) {
+fn bits_changed(bits: &BitsChanged, fields: &mut dyn Fields) {
     fields.field("object", FieldValue::Object(bits.object));
     fields.field("name", FieldValue::Text(&bits.name));
     channel(bits.channel, fields);
@@ -62,7 +78,7 @@ pub(super) fn bits_changed(bits: &BitsChanged, fields: &mut dyn Fields) {
     texts("cleared", &bits.cleared, fields);
 }
 
-pub(super) fn set_point(point: &SetPoint, fields: &mut dyn Fields) {
+fn set_point(point: &SetPoint, fields: &mut dyn Fields) {
     let number = |quantity: &Quantity| {
         quantity.number.map_or(FieldValue::Null, |number| FieldValue::Real(rounded(number)))
     };
@@ -91,7 +107,7 @@ pub(super) fn set_point(point: &SetPoint, fields: &mut dyn Fields) {
     }
 }
 
-pub(super) fn mode_change(mode: &ModeChange, fields: &mut dyn Fields) {
+fn mode_change(mode: &ModeChange, fields: &mut dyn Fields) {
     fields.field("object", FieldValue::Object(mode.object));
     fields.field("name", FieldValue::Text(&mode.name));
     channel(mode.channel, fields);
@@ -99,7 +115,7 @@ pub(super) fn mode_change(mode: &ModeChange, fields: &mut dyn Fields) {
     fields.field("to", FieldValue::Text(&mode.to));
 }
 
-pub(super) fn procedure(event: &ProcedureEvent, fields: &mut dyn Fields) {
+fn procedure(event: &ProcedureEvent, fields: &mut dyn Fields) {
     fields.field("procedure", FieldValue::Text(&event.procedure));
     fields.field("step", FieldValue::Text(&event.step));
     fields.field("status", FieldValue::Text(event.status));
@@ -114,7 +130,7 @@ pub(super) fn procedure(event: &ProcedureEvent, fields: &mut dyn Fields) {
     }
 }
 
-pub(super) fn conflict(conflict: &Conflict, fields: &mut dyn Fields) {
+fn conflict(conflict: &Conflict, fields: &mut dyn Fields) {
     fields.field("object", FieldValue::Object(conflict.object));
     fields.field("name", FieldValue::Text(&conflict.name));
     fields.open_list("sources");

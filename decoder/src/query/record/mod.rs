@@ -124,13 +124,7 @@ fn details(event: &Event, bus: &Bus, fields: &mut dyn Fields) {
                 fields.field("persists", FieldValue::Text(persists));
             }
         }
-        EventKind::NodeIdentified(node) => device::node_identified(node, fields),
-        EventKind::DeviceState(state) => device::device_state(state, fields),
-        EventKind::BitsChanged(bits) => device::bits_changed(bits, fields),
-        EventKind::SetPoint(point) => device::set_point(point, fields),
-        EventKind::Mode(mode) => device::mode_change(mode, fields),
-        EventKind::Procedure(procedure) => device::procedure(procedure, fields),
-        EventKind::Conflict(conflict) => device::conflict(conflict, fields),
+        _ if device::tell(&event.kind, fields) => {}
         _ => bus::about_the_bus(&event.kind, fields),
     }
 }

@@ -3,7 +3,7 @@
 use crate::event::{EmcyAction, Emergency, EventKind, StateCause};
 use crate::frame::Frame;
 use crate::profile::Device;
-use crate::profile::device::{Boot, Cleared, Order};
+use crate::profile::device::{Boot, Cleared, NmtName, Order};
 use crate::session::node::{LearntOrder, Node};
 use crate::session::{Bus, Observer};
 use crate::wire::canopen::NmtState;
@@ -78,7 +78,7 @@ impl Bus {
         let Some(node) = self.node(id) else { return };
         let is_life_guard = code == node.device.monitoring.life_guard_emcy.unwrap_or(LIFE_GUARD_ERROR);
         let to = match node.device.error(code) {
-            Some(error) => error.nmt.map(|nmt| nmt.state()),
+            Some(error) => error.nmt.map(NmtName::state),
             None => is_life_guard.then_some(NmtState::PreOperational),
         };
         let operational = node.nmt.is_some_and(|nmt| nmt.state == NmtState::Operational);

@@ -25,10 +25,16 @@ pub(in crate::session) fn layout(node: &Node, name: PdoName) -> Option<Layout> {
     };
     let is_fixed = spec.is_some_and(|spec| spec.mapping == Mapping::Fixed);
     let mut layout = match spec {
-        Some(spec) if is_fixed => of_profile(spec, assumed, &mut resolver)?,
+        Some(spec) if is_fixed => of_profile(&spec.fields, "profile", assumed, &mut resolver)?,
         _ => match mapped(node, name, &mut resolver) {
             Some(layout) => layout,
-            None => of_profile(spec.filter(|spec| spec.mapping == Mapping::Default)?, true, &mut resolver)?,
+            None => match (node.given_pdo(name), spec?) {
+                (Some(fields), _) => of_profile(fields, "bus-file", false, &mut resolver)?,
+                (None, spec) if spec.mapping == Mapping::Default => {
+                    of_profile(&spec.fields, "profile", true, &mut resolver)?
+                }
+                _ => return None,
+            },
         },
     };
     layout.depends = resolver.looked_at;
@@ -50,12 +56,17 @@ fn spec<'a>(node: &'a Node, name: PdoName, resolver: &mut Resolver<'_>) -> Optio
 }
 
 /// `None` where the profile says that there is such a PDO, but not what is in it.
-fn of_profile(spec: &PdoSpec, assumed: bool, resolver: &mut Resolver<'_>) -> Option<Layout> {
-    if spec.fields.is_empty() {
+fn of_profile(
+    fields: &[PdoField],
+    origin: &'static str,
+    assumed: bool,
+    resolver: &mut Resolver<'_>,
+) -> Option<Layout> {
+    if fields.is_empty() {
         return None;
     }
-    let mut layout = Layout { origin: "profile", assumed, ..Layout::default() };
-    for PdoField { object, bits, .. } in &spec.fields {
+    let mut layout = Layout { origin, assumed, ..Layout::default() };
+    for PdoField { object, bits, .. } in fields {
         if let Some(object) = object {
             layout.fields.push(field(object.object, layout.bits, *bits, resolver));
         }
@@ -98,11 +109,14 @@ fn origin(node: &Node, mapping: u16) -> &'static str {
 }
 
 fn field(object: ObjectAddress, bit: u16, bits: u16, resolver: &mut Resolver<'_>) -> Field {
-    let meaning = resolver.meaning(object);
+    let mut meaning = resolver.meaning(object);
     let known = meaning.as_ref().and_then(|meaning| meaning.data_type);
     let same = known.filter(|known| known.bits() == Some(bits));
     // A field narrower than its object holds the low bits of it.
     let narrowed = known.and_then(|known| DataType::narrowed(known, bits));
+    if let Some(meaning) = &mut meaning {
+        meaning.data_type = same.or(narrowed).or(meaning.data_type);
+    }
     Field {
         object,
         meaning: meaning.map(Arc::new),

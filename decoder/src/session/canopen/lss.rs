@@ -3,6 +3,7 @@
 use crate::event::EventKind;
 use crate::frame::Frame;
 use crate::session::{Bus, Observer};
+use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::lss::{self, Content};
 
 /// What is known of the LSS exchange.
@@ -18,10 +19,23 @@ pub(in crate::session) struct LssState {
     scanning: bool,
     /// Command of the master's last message.
     asked: Option<u8>,
+    /// Numbers of switch state selective, so far.
+    address: [Option<u32>; 4],
 }
 
 /// Node-ID 255: not configured.
 const UNCONFIGURED: u8 = 255;
+
+/// First of the four numbers of switch state selective, and its answer (CiA 305 §3.9.2.1).
+const SELECTIVE: u8 = 0x40;
+const SELECTED: u8 = 0x44;
+
+impl LssState {
+    /// The change of node-ID that was accepted, if it leads to `id`: from, to.
+    pub(in crate::session) fn take_accepted(&mut self, id: u8) -> Option<(Option<u8>, u8)> {
+        self.accepted.take_if(|(_, to)| *to == id)
+    }
+}
 
 impl Bus {
     pub(in crate::session) fn on_lss(&mut self, from_master: bool, frame: &Frame, out: &mut dyn Observer) {
@@ -62,9 +76,34 @@ impl Bus {
         }
     }
 
+    /// The node that said these numbers of itself (1018): all that are known must fit, the serial number
+    /// must be known.
+    fn node_of_address(&self, address: [Option<u32>; 4]) -> Option<u8> {
+        let mut fitting = self.nodes().filter(|node| {
+            let told = |sub: u8| node.store().number(ObjectAddress::new(0x1018, sub));
+            let same =
+                |(sub, number): (u8, Option<u32>)| told(sub).is_none() || told(sub) == number.map(u64::from);
+            told(4).is_some() && (1..).zip(address).all(same)
+        });
+        fitting.next().map(crate::session::Node::id).filter(|_| fitting.next().is_none())
+    }
+
     /// Remembers a node-ID that is inquired, asked for, accepted.
     fn follow_node_id(&mut self, message: lss::Lss, from_master: bool) {
         match (message.content, from_master) {
+            (Content::Number(number), true) => {
+                if let Some(slot) = message
+                    .command
+                    .checked_sub(SELECTIVE)
+                    .and_then(|at| self.lss.address.get_mut(usize::from(at)))
+                {
+                    *slot = Some(number);
+                }
+            }
+            (Content::Nothing, false) if message.command == SELECTED => {
+                self.lss.present = self.node_of_address(self.lss.address);
+            }
+            (Content::Mode(_), true) => self.lss.address = [None; 4],
             (Content::NodeId(id), true) => self.lss.requested = Some(id),
             (Content::NodeId(id), false) => self.lss.present = Some(id),
             (Content::Result { code: 0, .. }, false) if message.command == 0x11 => {
@@ -74,14 +113,5 @@ impl Bus {
             }
             _ => {}
         }
-    }
-
-    /// A node boots: if LSS gave it this node-ID, it is in force now (CiA 305 §3.9.1).
-    pub(super) fn take_node_id(&mut self, id: u8, frame: &Frame, out: &mut dyn Observer) {
-        let Some((from, to)) = self.lss.accepted.take_if(|(_, to)| *to == id) else { return };
-        if let Some(from) = from {
-            self.move_node(from, to);
-        }
-        self.emit(frame, to, false, EventKind::NodeIdChange { from, to, by: "lss" }, out);
     }
 }

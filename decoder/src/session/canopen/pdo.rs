@@ -6,7 +6,7 @@ use super::layout::layout;
 use crate::event::{Event, EventKind, FrameRange, Pdo, Protocol};
 use crate::frame::{Frame, FrameFlags, MAX_DATA};
 use crate::profile::{PdoDirection, PdoName};
-use crate::session::device::Plan;
+use crate::session::device::{Plan, Planned, Recent};
 use crate::session::{Bus, Observer};
 
 /// Entries of a mapping parameter (CiA 301 §7.5.2.36); each can be a single bit.
@@ -45,10 +45,10 @@ impl Bus {
         pdo.is_request = is_request;
         copy_payload(&mut pdo.bytes, frame);
         let mut matters = false;
-        if let Some(plan) = &entry.plan {
-            matters = !same || plan.triggers;
-            if plan.commands {
-                entry.recent.push(frame.number, self.clock.now());
+        if let Some(planned) = &mut entry.plan {
+            matters = !same || planned.plan.triggers;
+            if planned.plan.commands {
+                planned.recent.push(frame.number, self.clock.now());
             }
         }
         if let Some(event) = self.routes.slot(slot).and_then(|entry| entry.pdo.as_deref()) {
@@ -104,8 +104,11 @@ impl Bus {
         let now = self.clock.now();
         if let Some(entry) = self.routes.slot_mut(slot) {
             entry.pdo = Some(Box::new(event));
-            entry.plan = plan.map(Arc::new);
-            entry.recent.push(frame.number, now);
+            entry.plan = plan.map(|plan| {
+                let mut recent = Recent::default();
+                recent.push(frame.number, now);
+                Box::new(Planned { plan: Arc::new(plan), recent })
+            });
         }
         if let Some(event) = self.routes.slot(slot).and_then(|entry| entry.pdo.as_deref()) {
             out.event(event, self);

@@ -20,9 +20,9 @@ const INTRODUCING: [ObjectAddress; 5] = [
 
 impl Bus {
     /// From now on the node is this device.
-    pub(in crate::session) fn assign(&mut self, id: u8, device: Arc<Device>, by: AssignedBy) {
+    pub(in crate::session) fn assign(&mut self, id: u8, device: &Arc<Device>, by: AssignedBy) {
         let Some(node) = self.node_mut(id) else { return };
-        node.device = Arc::clone(&device);
+        node.device = Arc::clone(device);
         node.assigned = Some(by);
         for pdo in &device.pdos {
             if let Some(cob_id) = pdo.cob_id.as_deref().and_then(|text| formula(text, id)) {
@@ -105,7 +105,7 @@ impl Bus {
             title: device.title.clone(),
             by: AssignedBy::Identity.name(),
         };
-        self.assign(id, device, AssignedBy::Identity);
+        self.assign(id, &device, AssignedBy::Identity);
         self.emit(frame, id, false, EventKind::NodeIdentified(Box::new(identified)), out);
     }
 }

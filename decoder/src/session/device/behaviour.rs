@@ -53,13 +53,11 @@ impl Behaviour {
 
     /// Notes a raw value; gives the one before.
     fn note(&mut self, object: ObjectAddress, raw: u64) -> Option<u64> {
-        match self.words.iter_mut().find(|(known, _)| *known == object) {
-            Some((_, known)) => Some(std::mem::replace(known, raw)),
-            None => {
-                self.words.push((object, raw));
-                None
-            }
+        if let Some((_, known)) = self.words.iter_mut().find(|(known, _)| *known == object) {
+            return Some(std::mem::replace(known, raw));
         }
+        self.words.push((object, raw));
+        None
     }
 
     /// Bytes held.
@@ -93,25 +91,33 @@ impl Bus {
         out: &mut dyn Observer,
     ) {
         let Some(entry) = self.routes.slot(slot) else { return };
-        let (Some(event), Some(plan)) = (entry.pdo.as_deref(), entry.plan.clone()) else { return };
+        let (Some(event), Some(planned)) = (entry.pdo.as_deref(), &entry.plan) else { return };
+        let plan = Arc::clone(&planned.plan);
         let EventKind::Pdo(Pdo { layout: Some(layout), is_request: false, .. }) = &event.kind else { return };
         let layout = Arc::clone(layout);
         let Some(device) = self.node(id).map(|node| Arc::clone(&node.device)) else { return };
-        let mut set_points = false;
+        let (mut set_points, mut gates) = (false, false);
         for place in &plan.fields {
             let Some(field) = layout.fields.get(*place) else { continue };
             let (Some(meaning), Some(raw)) = (&field.meaning, field.extract(frame.data())) else { continue };
+            if plan.commands {
+                self.commanded_by(id, &device, field.object, slot);
+            }
             let Some(node) = self.node_mut(id) else { return };
             let before = node.behaviour.note(field.object, raw);
             if before == Some(raw) {
                 continue;
             }
             set_points |= meaning.role == Some(Role::SetPoint) && name.direction == PdoDirection::Receive;
+            gates |= device.gates_on(field.object);
             let changed = Changed { id, device: &device, field, meaning, before, raw };
             self.field_changed(&changed, frame, out);
         }
         if set_points {
             self.set_points_changed(id, name, &layout, &plan, frame, out);
+        }
+        if gates {
+            self.reassess(id, frame, out);
         }
         if plan.triggers {
             self.procedures_saw(id, &|trigger| *trigger == Trigger::Pdo(name), frame, out);
@@ -124,7 +130,7 @@ impl Bus {
         if changed.device.decides(object) {
             self.sampled(changed, frame);
         }
-        self.control_changed(changed, frame);
+        self.control_changed(changed);
         if changed.meaning.role == Some(Role::Mode) {
             self.mode_seen(changed.id, object, frame, out);
         }
@@ -188,7 +194,12 @@ impl Bus {
         let Some(node) = self.node_mut(id) else { return };
         node.behaviour.nmt = Some(Moment { what: service, frame: frame.number, time });
         let command = service.name();
-        self.procedures_saw(id, &|trigger| matches!(trigger, Trigger::Nmt(own) if own == command), frame, out);
+        self.procedures_saw(
+            id,
+            &|trigger| matches!(trigger, Trigger::Nmt(own) if own == command),
+            frame,
+            out,
+        );
     }
 
     /// A node started: procedures are over, set points are gone.

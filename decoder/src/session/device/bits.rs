@@ -104,6 +104,6 @@ fn tell(bit: &BitName, now: u64, event: &mut BitsChanged) {
         event.words.push(title.clone());
     } else {
         event.cleared.push(bit.name.clone());
-        event.words.push(bit.off.clone().unwrap_or_else(|| format!("{title} off")));
+        event.words.push(bit.off.clone().unwrap_or_else(|| format!("no longer {title}")));
     }
 }

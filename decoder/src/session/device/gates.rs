@@ -72,7 +72,7 @@ pub(super) struct Subject {
 
 impl Node {
     /// All gates of all set points seen, closed ones first.
-    pub fn gates(&self, now: i64) -> Vec<GateState> {
+    pub(in crate::session) fn gates(&self, now: i64) -> Vec<GateState> {
         let mut all: Vec<GateState> = Vec::new();
         for point in &self.behaviour.set_points {
             let subject = point.subject();
@@ -180,7 +180,8 @@ impl Node {
     /// Whether the machine of a channel reports one of the states; unknown while it is on its way there.
     fn in_state(&self, states: &[String], channel: Option<u8>) -> (GateStatus, String) {
         let machines = self.device.machines.iter().enumerate();
-        let mut own = machines.filter(|(_, it)| it.channel.is_none() || channel.is_none() || it.channel == channel);
+        let mut own =
+            machines.filter(|(_, it)| it.channel.is_none() || channel.is_none() || it.channel == channel);
         let Some((place, _)) = own.next() else { return (GateStatus::Unknown, "no state machine".into()) };
         match self.reported_state(place) {
             None => (GateStatus::Unknown, "state not reported yet".into()),

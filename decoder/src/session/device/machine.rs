@@ -3,9 +3,11 @@
 use super::behaviour::{Changed, Moment};
 use crate::event::{DeviceCause, DeviceState, EventKind, Path};
 use crate::frame::Frame;
+use crate::profile::Device;
 use crate::profile::device::{Machine, State, Transition, Trigger};
 use crate::session::node::Node;
 use crate::session::{Bus, Observer};
+use crate::wire::canopen::ObjectAddress;
 
 /// A command or error this long ago still explains a state, in nanoseconds.
 const WINDOW: i64 = 1_000_000_000;
@@ -54,15 +56,24 @@ impl Why {
 }
 
 impl Bus {
+    /// The control word of a machine travels in the PDO of this slot.
+    pub(super) fn commanded_by(&mut self, id: u8, device: &Device, object: ObjectAddress, slot: usize) {
+        for (place, machine) in device.machines.iter().enumerate() {
+            if machine.control.object.object == object
+                && let Some(state) = self.machine_mut(id, place)
+            {
+                state.slot = Some(slot);
+            }
+        }
+    }
+
     /// A control word changed.
-    pub(super) fn control_changed(&mut self, changed: &Changed<'_>, frame: &Frame) {
-        let slot = self.routes.find(frame.id);
+    pub(super) fn control_changed(&mut self, changed: &Changed<'_>) {
         for (place, machine) in changed.device.machines.iter().enumerate() {
             if machine.control.object.object != changed.field.object {
                 continue;
             }
             let Some(state) = self.machine_mut(changed.id, place) else { continue };
-            state.slot = slot;
             state.rising |= changed.raw & !state.control.unwrap_or(0);
             state.control = Some(changed.raw);
         }
@@ -95,7 +106,8 @@ impl Bus {
         }
         let known = known.clone();
         let from = known.state.and_then(|state| machine.states.get(usize::from(state)));
-        let latest = known.slot.and_then(|slot| self.routes.slot(slot)).and_then(|slot| slot.recent.latest());
+        let slot = known.slot.and_then(|slot| self.routes.slot(slot));
+        let latest = slot.and_then(|slot| slot.plan.as_deref()?.recent.latest());
         let Some(node) = self.node(changed.id) else { return };
         let why = why(node, machine, &known, (from, to), latest, now);
         let path = self.step(changed.id, place, machine, number, &why);
@@ -138,6 +150,10 @@ impl Bus {
             known.steps.clear();
             return None;
         };
+        let is_old = known.steps.last().is_some_and(|last| why.time.saturating_sub(last.time) > WINDOW);
+        if is_old {
+            known.steps.clear();
+        }
         if known.steps.is_empty() {
             known.steps.push(Step { state: from, frame: 0, time: why.time });
         }
@@ -177,7 +193,8 @@ impl Node {
 
     /// Whether the control word in force leads from the reported state to one of `states`.
     pub(super) fn is_commanded(&self, place: usize, states: &[String]) -> bool {
-        let (Some(known), Some(machine)) = (self.behaviour.machines.get(place), self.device.machines.get(place))
+        let (Some(known), Some(machine)) =
+            (self.behaviour.machines.get(place), self.device.machines.get(place))
         else {
             return false;
         };
@@ -266,7 +283,8 @@ fn is_recent<T>(moment: &Moment<T>, known: &MachineState, now: i64) -> bool {
 
 /// Whether a control word brings a transition about.
 fn fits(transition: &Transition, control: u64, rising: u64) -> bool {
-    control & transition.mask == transition.value & transition.mask && rising & transition.edge == transition.edge
+    control & transition.mask == transition.value & transition.mask
+        && rising & transition.edge == transition.edge
 }
 
 /// Whether a control word leads from one state to another, over others too.

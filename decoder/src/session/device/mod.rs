@@ -4,6 +4,7 @@ mod assign;
 mod behaviour;
 mod bits;
 mod gates;
+mod identity;
 mod machine;
 mod plan;
 mod procedure;
@@ -13,5 +14,5 @@ mod values;
 
 pub(super) use behaviour::Behaviour;
 pub use gates::{GateState, GateStatus};
-pub(super) use plan::{Plan, Recent};
+pub(super) use plan::{Plan, Planned, Recent};
 pub(super) use restart::Restart;

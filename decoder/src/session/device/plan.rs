@@ -1,6 +1,8 @@
 //! What of a PDO matters to the device's doings: worked out once a layout, so that most PDOs cost nothing.
 
-use crate::profile::device::{Condition, Trigger};
+use std::sync::Arc;
+
+use crate::profile::device::{Condition, Procedure, Trigger};
 use crate::profile::{Device, Layout, PdoDirection, PdoName, Role};
 use crate::wire::canopen::ObjectAddress;
 
@@ -17,6 +19,14 @@ pub(in crate::session) struct Plan {
     pub(in crate::session) commands: bool,
 }
 
+/// The plan of an identifier, and what came by it.
+#[derive(Debug, Clone)]
+pub(in crate::session) struct Planned {
+    pub(in crate::session) plan: Arc<Plan>,
+    /// Frames of the last ones, where they command a state machine.
+    pub(in crate::session) recent: Recent,
+}
+
 /// Frames of the last PDOs that command a state machine, latest first.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(in crate::session) struct Recent {
@@ -24,9 +34,6 @@ pub(in crate::session) struct Recent {
 }
 
 impl Recent {
-    /// None came yet.
-    pub(in crate::session) const NONE: Self = Self { frames: [(0, 0); 4] };
-
     /// Another one came.
     #[inline]
     pub(in crate::session) fn push(&mut self, frame: u64, time: i64) {
@@ -55,11 +62,15 @@ impl Plan {
             plan.commands |= device.machines.iter().any(|it| it.control.object.object == field.object);
         }
         let waits = |trigger: &Trigger| *trigger == Trigger::Pdo(name);
-        plan.triggers = device.procedures.iter().flat_map(|it| it.triggers()).any(waits);
+        plan.triggers = device.procedures.iter().flat_map(Procedure::triggers).any(waits);
         let spec = device.pdos.iter().find(|spec| spec.pdo == name);
-        let is_event = spec.and_then(|spec| spec.trigger.as_deref()).is_some_and(|by| by == "event" || by == "rpdo");
+        let is_event =
+            spec.and_then(|spec| spec.trigger.as_deref()).is_some_and(|by| by == "event" || by == "rpdo");
         let starts = |object: ObjectAddress| {
-            device.procedures.iter().any(|it| matches!(&it.start, Trigger::Bit(bit, _) if bit.object.object == object))
+            device
+                .procedures
+                .iter()
+                .any(|it| matches!(&it.start, Trigger::Bit(bit, _) if bit.object.object == object))
         };
         plan.once_an_occasion = is_event
             && name.direction == PdoDirection::Transmit
@@ -78,16 +89,18 @@ impl Device {
 
     /// Whether a machine, a procedure or a gate looks at an object.
     pub(in crate::session) fn watches(&self, object: ObjectAddress) -> bool {
-        let machine = self.machines.iter().any(|machine| {
-            machine.status.object.object == object || machine.control.object.object == object
-        });
+        let machine = self
+            .machines
+            .iter()
+            .any(|machine| machine.status.object.object == object || machine.control.object.object == object);
         let bit = |trigger: &Trigger| matches!(trigger, Trigger::Bit(bit, _) if bit.object.object == object);
-        machine || self.gates_on(object) || self.procedures.iter().flat_map(|it| it.triggers()).any(bit)
+        machine || self.gates_on(object) || self.procedures.iter().flat_map(Procedure::triggers).any(bit)
     }
 
     /// Whether a gate looks at an object.
     pub(in crate::session) fn gates_on(&self, object: ObjectAddress) -> bool {
-        let on = |open: &Condition| matches!(open, Condition::Object { object: of, .. } if of.object == object);
+        let on =
+            |open: &Condition| matches!(open, Condition::Object { object: of, .. } if of.object == object);
         self.gates.iter().any(|gate| gate.open.0.iter().any(on))
     }
 }

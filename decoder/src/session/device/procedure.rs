@@ -58,9 +58,9 @@ impl Bus {
     ) {
         let Some(device) = self.node(id).map(|node| Arc::clone(&node.device)) else { return };
         for (place, procedure) in device.procedures.iter().enumerate() {
-            let running = self.node(id).is_some_and(|node| {
-                node.behaviour.running.iter().any(|running| running.place == place)
-            });
+            let running = self
+                .node(id)
+                .is_some_and(|node| node.behaviour.running.iter().any(|running| running.place == place));
             if !running {
                 if happened(&procedure.start) {
                     self.start(id, place, procedure, frame, out);
@@ -110,7 +110,8 @@ impl Bus {
         let subject = Subject { object: ObjectAddress::default(), channel: None, pdo };
         let now = self.clock.now();
         let needs = procedure.needs.iter().map(|need| node.holds(need, subject, now));
-        let unmet: Vec<_> = needs.filter(|(status, _)| *status == GateStatus::Closed).map(|(_, it)| it).collect();
+        let unmet: Vec<_> =
+            needs.filter(|(status, _)| *status == GateStatus::Closed).map(|(_, it)| it).collect();
         if unmet.is_empty() { String::new() } else { format!("precondition not met: {}", unmet.join(", ")) }
     }
 
@@ -167,7 +168,6 @@ impl Bus {
     }
 
     /// Bits of an object changed.
-    #[expect(clippy::too_many_arguments, reason = "an object, its bits before and after, where")]
     pub(super) fn bits_trigger(
         &mut self,
         id: u8,
@@ -182,16 +182,15 @@ impl Bus {
             let set = |word: u64| word >> bit.bit & 1 == 1;
             bit.object.object == object && set(raw) == *becomes && set(before.unwrap_or(0)) != *becomes
         };
-        let watched = self.node(id).is_some_and(|node| {
-            node.device.procedures.iter().flat_map(Procedure::triggers).any(&happened)
-        });
+        let watched = self
+            .node(id)
+            .is_some_and(|node| node.device.procedures.iter().flat_map(Procedure::triggers).any(&happened));
         if watched {
             self.procedures_saw(id, &happened, frame, out);
         }
     }
 
     /// An object was written or read that procedures may wait for.
-    #[expect(clippy::too_many_arguments, reason = "an object, its value, how, where")]
     pub(super) fn procedures_saw_object(
         &mut self,
         id: u8,
@@ -220,8 +219,12 @@ impl Bus {
         }
         let word = crate::profile::little_endian(value);
         for (place, procedure) in device.procedures.iter().enumerate() {
-            let Some(status) = procedure.status.as_ref().filter(|it| it.object.object == object) else { continue };
-            let Some(code) = device.codes.get(&status.codes).and_then(|codes| codes.find(word)) else { continue };
+            let Some(status) = procedure.status.as_ref().filter(|it| it.object.object == object) else {
+                continue;
+            };
+            let Some(code) = device.codes.get(&status.codes).and_then(|codes| codes.find(word)) else {
+                continue;
+            };
             self.status_read(id, place, procedure, code.outcome, &code.text, frame, out);
         }
     }

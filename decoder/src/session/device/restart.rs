@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use crate::event::{BootCause, EventKind, ObjectChange};
 use crate::frame::Frame;
+use crate::profile::object::Format;
 use crate::profile::{Effect, Storage};
 use crate::session::node::Node;
 use crate::session::store::{Origin, OriginKind};
@@ -145,6 +146,8 @@ fn lost(node: &Node) -> Vec<Change> {
             continue;
         }
         let known = node.device.dictionary.find(object).and_then(|found| found.entry);
+        // A signature is a command: nothing was set.
+        let known = known.filter(|known| known.format != Format::Ascii);
         let kept = node.store.kept(object).map(<[u8]>::to_vec);
         let to = match known.map(|known| known.storage) {
             Some(Storage::Volatile) => None,

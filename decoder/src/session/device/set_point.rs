@@ -148,7 +148,9 @@ impl Bus {
         let Some(node) = self.node(id) else { return };
         let Some(point) = node.behaviour.set_points.get(place) else { return };
         let verdict = node.verdict(point.subject(), now);
-        let waited = came.frame != frame.number && runs && node.behaviour.sync.is_some_and(|it| it.frame == frame.number);
+        let waited = came.frame != frame.number
+            && runs
+            && node.behaviour.sync.is_some_and(|it| it.frame == frame.number);
         let mut told = point.event(&value, verdict.effective, &verdict.gates);
         told.sync_after = waited.then(|| now.saturating_sub(came.time));
         let mut event = self.event(frame, EventKind::SetPoint(Box::new(told)));
@@ -188,7 +190,7 @@ impl SetPointState {
     fn event(&self, value: &Value, effective: Effective, gates: &[String]) -> SetPoint {
         let quantity = |value: &Value| Quantity {
             number: self.meaning.scaled(value).or_else(|| plain(&self.meaning, value)),
-            text: self.meaning.show(value),
+            text: signed(&self.meaning, value),
         };
         SetPoint {
             object: self.meaning.object,
@@ -205,6 +207,15 @@ impl SetPointState {
             sync_after: None,
         }
     }
+}
+
+/// The value as people write it, with its sign where it can have either.
+fn signed(meaning: &Meaning, value: &Value) -> String {
+    let text = meaning.show(value);
+    let is_positive = meaning.scaled(value).is_some_and(|quantity| quantity > 0.0);
+    let both_ways = meaning.range.is_some_and(|[least, _]| least < 0)
+        || meaning.limits.is_some_and(|[least, _]| least < 0.0);
+    if is_positive && both_ways { format!("+{text}") } else { text }
 }
 
 /// A number without scale is its own quantity, unless it has a name.

@@ -194,7 +194,13 @@ impl Bus {
     }
 
     /// A device put a value of its own: as its manual says, so it is assumed.
-    pub(in crate::session) fn fell_back_to(&mut self, id: u8, object: ObjectAddress, value: i64, frame: &Frame) {
+    pub(in crate::session) fn fell_back_to(
+        &mut self,
+        id: u8,
+        object: ObjectAddress,
+        value: i64,
+        frame: &Frame,
+    ) {
         let Some(node) = self.node_mut(id) else { return };
         let data_type = node.device.dictionary.data_type(object);
         let Ok(bytes) = encode(value, data_type) else { return };

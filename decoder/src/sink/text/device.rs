@@ -5,19 +5,37 @@ use std::fmt::Write as _;
 use super::Tone;
 use super::line::{millis, seconds};
 use crate::event::{
-    BitsChanged, Conflict, DeviceCause, DeviceState, Effective, ModeChange, ProcedureEvent, SetPoint,
+    BitsChanged, Conflict, DeviceCause, DeviceState, Effective, EventKind, ModeChange, ProcedureEvent,
+    SetPoint,
 };
 use crate::profile::Value;
 
 /// Kind of line, what happened, tone.
 pub(super) type Said = (&'static str, String, Tone);
 
+/// The words of a device's event; `None` if it is none.
+pub(super) fn words(kind: &EventKind) -> Option<Said> {
+    Some(match kind {
+        EventKind::NodeIdentified(node) => {
+            let what = format!("is {} ({}), told by its {}", node.title, node.device, node.by);
+            ("IDENT", what, Tone::Good)
+        }
+        EventKind::DeviceState(event) => state(event),
+        EventKind::BitsChanged(event) => bits(event),
+        EventKind::SetPoint(event) => set_point(event),
+        EventKind::Mode(event) => mode(event),
+        EventKind::Procedure(event) => procedure(event),
+        EventKind::Conflict(event) => conflict(event),
+        _ => return None,
+    })
+}
+
 /// `c1 ` before what one of several outputs does.
 fn channel(channel: Option<u8>) -> String {
     channel.map_or(String::new(), |channel| format!("c{channel} "))
 }
 
-pub(super) fn state(state: &DeviceState) -> Said {
+fn state(state: &DeviceState) -> Said {
     let from = state.from.as_deref().unwrap_or("?");
     let mut what = format!("{}{from} → {}", channel(state.channel), state.to);
     let frame = if state.cause_frame == 0 { String::new() } else { format!(" {{{}}}", state.cause_frame) };
@@ -41,16 +59,19 @@ pub(super) fn state(state: &DeviceState) -> Said {
     ("STATE", what, if state.fault { Tone::Bad } else { Tone::Plain })
 }
 
-pub(super) fn bits(bits: &BitsChanged) -> Said {
+fn bits(bits: &BitsChanged) -> Said {
     ("STAT", format!("{}{}: {}", channel(bits.channel), bits.name, bits.words.join(", ")), Tone::Plain)
 }
 
-pub(super) fn set_point(point: &SetPoint) -> Said {
+fn set_point(point: &SetPoint) -> Said {
     let name = point.short.as_deref().unwrap_or(&point.signal);
     let assumed = if point.assumed { "?" } else { "" };
     let mut what = format!("{}{name} ", channel(point.channel));
     if let Some(from) = point.from.as_ref().filter(|from| from.text != point.to.text) {
-        let _ = write!(what, "{} → ", from.text);
+        let both = point.from.as_ref().is_some_and(|from| from.number.is_some()) && point.to.number.is_some();
+        let unit = format!(" {}", point.unit);
+        let from = if both { from.text.strip_suffix(&unit).unwrap_or(&from.text) } else { &from.text };
+        let _ = write!(what, "{from} → ");
     }
     let _ = write!(what, "{}{assumed} ", point.to.text);
     let gates = point.gates.join("; ");
@@ -60,7 +81,7 @@ pub(super) fn set_point(point: &SetPoint) -> Said {
             Tone::Plain
         }
         Effective::No => {
-            let _ = write!(what, "NOT effective: {gates}");
+            let _ = write!(what, "NOT effective, needs: {gates}");
             Tone::Caution
         }
         Effective::Unknown => {
@@ -74,7 +95,7 @@ pub(super) fn set_point(point: &SetPoint) -> Said {
     ("SETPT", what, tone)
 }
 
-pub(super) fn mode(mode: &ModeChange) -> Said {
+fn mode(mode: &ModeChange) -> Said {
     let from = mode.from.as_deref().map_or(String::new(), |from| format!("{from} → "));
     let consequence =
         if mode.consequence.is_empty() { String::new() } else { format!(" → {}", mode.consequence) };
@@ -88,7 +109,7 @@ fn word(word: Option<&str>) -> &'static str {
     WORDS.iter().find(|known| Some(**known) == word).unwrap_or(&"PROC")
 }
 
-pub(super) fn procedure(event: &ProcedureEvent) -> Said {
+fn procedure(event: &ProcedureEvent) -> Said {
     let mut what = format!("{} {}", event.procedure, event.step);
     if event.step == "finished" {
         let _ = write!(what, ": {}", event.status);
@@ -117,7 +138,7 @@ pub(super) fn procedure(event: &ProcedureEvent) -> Said {
     (word(event.word.as_deref()), what, tone)
 }
 
-pub(super) fn conflict(conflict: &Conflict) -> Said {
+fn conflict(conflict: &Conflict) -> Said {
     let says: Vec<_> = conflict
         .sources
         .iter()

@@ -1,15 +1,27 @@
 //! The words of an EMCY message.
 
+use std::io::Write as _;
+
 use super::Tone;
 use super::line::push_bytes;
-use crate::event::{EmcyAction, Emergency};
-use crate::profile;
+use crate::event::{BootCause, EmcyAction, Emergency};
+use crate::profile::{self, Device};
 use crate::sink::ascii::{push_code, push_decimal};
 
 /// Appends what happened; gives the kind of line and its tone.
-pub(super) fn push_words(emergency: &Emergency, out: &mut Vec<u8>) -> (&'static str, Tone) {
+pub(super) fn push_words(emergency: &Emergency, device: &Device, out: &mut Vec<u8>) -> (&'static str, Tone) {
     let Some(code) = emergency.code else {
         out.extend_from_slice(b"empty EMCY message = started without error");
+        match emergency.boot {
+            Some(BootCause::Commanded { frame }) => {
+                // Writing to a vector cannot fail.
+                let _ = write!(out, ", reset was commanded {{{frame}}}");
+            }
+            Some(BootCause::PresumedPowerOn { .. }) => {
+                out.extend_from_slice(", no NMT reset before → power-on or self-reset".as_bytes());
+            }
+            None => {}
+        }
         return ("READY", Tone::Good);
     };
     let tone = match emergency.action {
@@ -27,15 +39,17 @@ pub(super) fn push_words(emergency: &Emergency, out: &mut Vec<u8>) -> (&'static 
             Tone::Caution
         }
         EmcyAction::Raised | EmcyAction::Ready => {
-            push_error(code, emergency, out);
+            push_error(code, emergency, device, out);
             Tone::Bad
         }
     };
     ("EMCY", tone)
 }
 
-fn push_error(code: u16, emergency: &Emergency, out: &mut Vec<u8>) {
-    let text = profile::emcy_codes().find(u32::from(code)).map_or("no CiA 301 code", |entry| &entry.text);
+fn push_error(code: u16, emergency: &Emergency, device: &Device, out: &mut Vec<u8>) {
+    let standard = || profile::emcy_codes().find(u32::from(code)).map(|entry| entry.text.as_str());
+    let own = device.error(code).map(|error| error.text.as_str());
+    let text = own.or_else(standard).unwrap_or("no CiA 301 code");
     push_code(out, u32::from(code), 4);
     out.push(b' ');
     out.extend_from_slice(text.as_bytes());
@@ -47,6 +61,13 @@ fn push_error(code: u16, emergency: &Emergency, out: &mut Vec<u8>) {
     if vendor.iter().any(|byte| *byte != 0) {
         out.extend_from_slice(b", vendor ");
         push_bytes(out, vendor);
+    }
+    if let Some(other) = emergency.alternative {
+        out.extend_from_slice(b", in the other byte order ");
+        push_code(out, u32::from(other), 4);
+        let text = device.error(other).map_or("", |error| error.text.as_str());
+        // Writing to a vector cannot fail.
+        let _ = write!(out, " {text}");
     }
     if emergency.active > 1 {
         out.extend_from_slice(b", ");

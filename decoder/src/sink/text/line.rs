@@ -4,12 +4,12 @@ use std::fmt::Write as _;
 
 use super::{Tone, device, emcy, pdo, sdo};
 use crate::event::{
-    BootCause, Certainty, Event, EventKind, FrameRange, PowerSign, Silence, StateCause, StateChange,
-    Undecoded,
+    BootCause, Certainty, Event, EventKind, FrameRange, ObjectChange, PowerSign, Silence, StateCause,
+    StateChange, Undecoded,
 };
 use crate::frame::FrameFlags;
 use crate::profile;
-use crate::query::record::{can_error_text, time_of_day};
+use crate::query::record::{can_error_text, device as device_of, time_of_day};
 use crate::session::Bus;
 use crate::sink::ascii::{push_code, push_decimal, push_spaced_hex};
 use crate::wire::canopen::lss::Content;
@@ -38,9 +38,12 @@ impl Columns {
             EventKind::Pdo(pdo) => {
                 (self.kind, self.tone) = ("PDO", Tone::Plain);
                 pdo::push_words(pdo, &mut self.what);
+                if pdo.layout.is_none() {
+                    pdo::push_missing(pdo, event, device_of(event, bus), &mut self.what);
+                }
             }
             EventKind::Emcy(emergency) => {
-                (self.kind, self.tone) = emcy::push_words(emergency, &mut self.what);
+                (self.kind, self.tone) = emcy::push_words(emergency, device_of(event, bus), &mut self.what);
             }
             _ => return self.fill_general(event, bus),
         }
@@ -118,32 +121,22 @@ fn words(event: &Event, bus: &Bus) -> Words {
             let from = from.map_or_else(String::new, |from| format!("{from} → "));
             words("ID", format!("node-ID {from}{to} in force, set by {by}"), Tone::Caution)
         }
-        EventKind::ObjectChange(change) => {
-            let shown = |value: &Option<Vec<u8>>| value.as_deref().map_or("?".into(), bytes);
-            let what = format!("{} {} → {}", change.object, shown(&change.from), shown(&change.to));
-            match change.origin {
-                "restart" => words("OBJ", format!("{what} in force since the restart"), Tone::Plain),
-                "reset" => words("OBJ", format!("{what}, not kept over the restart"), Tone::Plain),
-                _ => words("OBJ", what, Tone::Quiet),
-            }
-        }
-        EventKind::NodeIdentified(node) => words(
-            "IDENT",
-            format!("is {} ({}), told by its {}", node.title, node.device, node.by),
-            Tone::Good,
-        ),
-        EventKind::DeviceState(state) => said(who, device::state(state)),
-        EventKind::BitsChanged(bits) => said(who, device::bits(bits)),
-        EventKind::SetPoint(point) => said(who, device::set_point(point)),
-        EventKind::Mode(mode) => said(who, device::mode(mode)),
-        EventKind::Procedure(procedure) => said(who, device::procedure(procedure)),
-        EventKind::Conflict(conflict) => said(who, device::conflict(conflict)),
-        _ => bus_words(event, words),
+        EventKind::ObjectChange(change) => object_change(change, words),
+        _ => match device::words(&event.kind) {
+            Some((kind, what, tone)) => words(kind, what, tone),
+            None => bus_words(event, words),
+        },
     }
 }
 
-fn said(who: String, (kind, what, tone): device::Said) -> Words {
-    Words { who, kind, what, tone }
+fn object_change(change: &ObjectChange, words: impl Fn(&'static str, String, Tone) -> Words) -> Words {
+    let shown = |value: &Option<Vec<u8>>| value.as_deref().map_or("?".into(), bytes);
+    let what = format!("{} {} → {}", change.object, shown(&change.from), shown(&change.to));
+    match change.origin {
+        "restart" => words("OBJ", format!("{what} in force since the restart"), Tone::Plain),
+        "reset" => words("OBJ", format!("{what}, not kept over the restart"), Tone::Plain),
+        _ => words("OBJ", what, Tone::Quiet),
+    }
 }
 
 /// Kinds that are about bus and capture rather than a node.

@@ -11,6 +11,7 @@ mod detail;
 mod device;
 mod emcy;
 mod line;
+mod news;
 mod pdo;
 mod sdo;
 mod time;
@@ -59,6 +60,7 @@ pub struct Text<W> {
     options: TextOptions,
     clock: time::Clock,
     columns: line::Columns,
+    news: news::News,
     line: Vec<u8>,
     error: Option<io::Error>,
 }
@@ -91,7 +93,15 @@ impl<W: Write> Text<W> {
     pub fn new(output: W, options: TextOptions) -> Self {
         let clock = time::Clock::new(options.time);
         let line = Vec::with_capacity(512);
-        Self { output, options, clock, columns: line::Columns::default(), line, error: None }
+        Self {
+            output,
+            options,
+            clock,
+            columns: line::Columns::default(),
+            news: news::News::default(),
+            line,
+            error: None,
+        }
     }
 
     /// Takes note of a time without a line; the first one is the zero of the time column.
@@ -148,11 +158,11 @@ impl<W: Write> Text<W> {
         self.error = self.output.write_all(line).err();
     }
 
-    fn is_shown(&self, event: &Event) -> bool {
+    fn is_shown(&mut self, event: &Event) -> bool {
         match &event.kind {
-            EventKind::Pdo(_) => match self.options.pdo {
+            EventKind::Pdo(pdo) => match self.options.pdo {
                 PdoLines::All => true,
-                PdoLines::Change => !event.routine,
+                PdoLines::Change => !event.routine && self.news.is_news(event, pdo),
                 PdoLines::None => false,
             },
             EventKind::Frame(_) => self.options.frames,

@@ -1,13 +1,15 @@
-//! The words of a PDO: most lines are one, so they are written without the formatting machinery.
+//! The words of a PDO: most lines are one, so they are written without the formatting machinery where
+//! nothing but numbers is known.
 
 use std::io::Write as _;
 
 use super::line::push_bytes;
-use crate::event::Pdo;
-use crate::profile::{PdoDirection, Signal, Value};
+use crate::event::{Event, Pdo};
+use crate::profile::device::Mapping;
+use crate::profile::{Device, Meaning, PdoDirection, Signal, Value};
 use crate::sink::ascii::{push_code, push_decimal, push_integer};
 
-/// Appends `TPDO1 37 06: 6041:00=1591`.
+/// Appends `TPDO1 37 06: 6041:00=1591`, `TPDO1 08 A0 1F 00 20: status 08h pressure control, p 157.5 bar of 315`.
 pub(super) fn push_words(pdo: &Pdo, out: &mut Vec<u8>) {
     out.extend_from_slice(match pdo.name.direction {
         PdoDirection::Transmit => b"TPDO",
@@ -34,7 +36,46 @@ pub(super) fn push_words(pdo: &Pdo, out: &mut Vec<u8>) {
     }
 }
 
+/// Appends what would tell the contents of a PDO that the maker's tool decides.
+pub(super) fn push_missing(pdo: &Pdo, event: &Event, device: &Device, out: &mut Vec<u8>) {
+    let asks = device.pdos.iter().any(|spec| spec.pdo == pdo.name && spec.mapping == Mapping::BusFile);
+    let name = pdo.name.to_string();
+    let area = device.areas.iter().find(|area| area.pdos.contains(&name)).filter(|_| asks);
+    if let (Some(area), Some(node)) = (area, event.node) {
+        // Writing to a vector cannot fail.
+        let _ = write!(out, ": mapping unknown; give [node.{node}] {} in the bus file", area.name);
+    }
+}
+
 fn push_signal(signal: &Signal<'_>, assumed: bool, out: &mut Vec<u8>) {
+    let mut assumed = assumed;
+    if let Some(meaning) = signal.field.meaning.as_deref() {
+        push_meant(meaning, &signal.value, out);
+        assumed |= meaning.assumed;
+    } else {
+        push_plain(signal, out);
+    }
+    if assumed {
+        out.push(b'?');
+    }
+}
+
+/// `p 157.5 bar of 315`, `angle 120.0 % (outside)`.
+fn push_meant(meaning: &Meaning, value: &Value, out: &mut Vec<u8>) {
+    let name = meaning.short.as_ref().unwrap_or(&meaning.name);
+    out.extend_from_slice(name.as_bytes());
+    out.push(b' ');
+    out.extend_from_slice(meaning.show(value).as_bytes());
+    if let Some((_, full)) = meaning.scale.and_then(|scale| scale.full_scale) {
+        // Writing to a vector cannot fail.
+        let _ = write!(out, " of {full}");
+    }
+    if meaning.is_outside(value) {
+        out.extend_from_slice(b" (outside)");
+    }
+}
+
+fn push_plain(signal: &Signal<'_>, out: &mut Vec<u8>) {
     push_code(out, u32::from(signal.field.object.index), 4);
     out.push(b':');
     push_code(out, u32::from(signal.field.object.sub), 2);
@@ -46,8 +87,5 @@ fn push_signal(signal: &Signal<'_>, assumed: bool, out: &mut Vec<u8>) {
             // Writing to a vector cannot fail.
             let _ = write!(out, "{}", signal.value);
         }
-    }
-    if assumed {
-        out.push(b'?');
     }
 }

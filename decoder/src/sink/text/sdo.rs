@@ -5,7 +5,8 @@ use std::fmt::Write as _;
 use super::Tone;
 use super::line::{Words, bytes, millis, node_short};
 use crate::event::{Direction, Event, Mode, Outcome, SdoTransfer};
-use crate::profile::{self, DataType, Value};
+use crate::profile::{self, DataType, Device, Effect, Value};
+use crate::query::record::device as device_of;
 use crate::session::Bus;
 
 /// The columns of a transfer.
@@ -33,8 +34,24 @@ pub(super) fn words(transfer: &SdoTransfer, event: &Event, bus: &Bus) -> Words {
     if transferred && transfer.size > 0 {
         what.push_str(&value(transfer));
     }
-    let tone = outcome(transfer, &mut what);
+    let tone = outcome(transfer, device_of(event, bus), &mut what);
     Words { who: format!("{client}→{server}"), kind, what, tone }
+}
+
+/// ` | active after power-on | lost at reset`.
+fn consequence(transfer: &SdoTransfer, what: &mut String) {
+    let _ = match transfer.effect {
+        None => Ok(()),
+        Some(Effect::AtOnce) => write!(what, " | active now"),
+        Some(Effect::Never) => write!(what, " | accepted, never effective"),
+        Some(effect) => write!(what, " | active {}", effect.when()),
+    };
+    what.push_str(match transfer.persists {
+        Some("yes") => " | survives a restart",
+        Some("no") => " | lost at a restart",
+        Some("needs-save") => " | survives only if stored (1010)",
+        _ => "",
+    });
 }
 
 /// ` = 500 ms → 1000 ms`.
@@ -49,7 +66,8 @@ fn value(transfer: &SdoTransfer) -> String {
     let changed = transfer.direction == Some(Direction::Download);
     let previous =
         transfer.previous.as_deref().filter(|previous| changed && *previous != transfer.data.as_slice());
-    let before = previous.map_or(String::new(), |previous| format!("{} → ", show(previous)));
+    let assumed = if transfer.previous_assumed { "?" } else { "" };
+    let before = previous.map_or(String::new(), |previous| format!("{}{assumed} → ", show(previous)));
     let size = if transfer.size > 8 { format!(" ({} bytes)", transfer.size) } else { String::new() };
     format!(" = {before}{}{size}", show(&transfer.data))
 }
@@ -63,11 +81,17 @@ fn unknown(data: &[u8]) -> String {
     bytes(data)
 }
 
-fn outcome(transfer: &SdoTransfer, what: &mut String) -> Tone {
+fn outcome(transfer: &SdoTransfer, device: &Device, what: &mut String) -> Tone {
     let tone = match (transfer.outcome, transfer.abort) {
         (Outcome::Aborted, Some(abort)) => {
             let by = if abort.by_client { "ABORTED by client" } else { "REFUSED" };
-            let _ = write!(what, " {by} {:08X}: {}", abort.code, profile::abort_codes().text(abort.code));
+            let standard = profile::abort_codes().text(abort.code);
+            let _ = match device.abort(abort.code, transfer.object) {
+                Some(own) if own.text != standard => {
+                    write!(what, " {by} {:08X}: {} (CiA 301: {standard})", abort.code, own.text)
+                }
+                _ => write!(what, " {by} {:08X}: {standard}", abort.code),
+            };
             Tone::Bad
         }
         (Outcome::Complete | Outcome::Aborted, _) => {
@@ -103,5 +127,6 @@ fn outcome(transfer: &SdoTransfer, what: &mut String) -> Tone {
     if transfer.cut_start {
         what.push_str(" (start not seen)");
     }
+    consequence(transfer, what);
     tone
 }

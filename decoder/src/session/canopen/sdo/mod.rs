@@ -15,12 +15,15 @@ pub(in crate::session) use channels::Channels;
 use transfer::Transfer;
 
 use super::super::store::OriginKind;
+use crate::bus_file::encode;
 use crate::event::{Direction, EventKind, Outcome, SdoTransfer};
 use crate::frame::Frame;
+use crate::profile::object::{Format, Given};
 use crate::profile::{Effect, Storage};
 use crate::session::timers::Subject;
 use crate::session::{Bus, Observer};
 use crate::wire::Malformed;
+use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::{self, Sdo, Side};
 
 impl Bus {
@@ -129,12 +132,28 @@ impl Bus {
         }
     }
 
+    /// The value before a transfer: seen, or as delivered.
+    fn previous(&self, server: u8, object: Option<ObjectAddress>) -> (Option<Vec<u8>>, bool) {
+        let (Some(node), Some(object)) = (self.node(server), object) else { return (None, false) };
+        if let Some(entry) = node.store().get(object) {
+            return (Some(entry.value.clone()), entry.stale);
+        }
+        let entry = node.device().dictionary.find(object).and_then(|found| found.entry);
+        let default = match entry.map(|entry| (&entry.default, entry.data_type)) {
+            Some((Some(Given::Number(number)), data_type)) => encode(*number, data_type).ok(),
+            _ => None,
+        };
+        (default, true)
+    }
+
     /// When a write acts and whether it stays, where the device's profile tells.
     fn consequence(&self, server: u8, transfer: &Transfer) -> (Option<Effect>, Option<&'static str>) {
         let is_write =
             transfer.direction == Some(Direction::Download) && transfer.outcome == Outcome::Complete;
         let object = transfer.object.filter(|_| is_write);
         let entry = object.and_then(|object| self.node(server)?.device().dictionary.find(object)?.entry);
+        // A signature is a command, no value.
+        let entry = entry.filter(|entry| entry.format != Format::Ascii);
         let effect = entry.map(|entry| entry.effect).filter(|effect| *effect != Effect::Unknown);
         let storage = entry.map(|entry| entry.storage).filter(|storage| *storage != Storage::Unknown);
         (effect, storage.map(Storage::persists))
@@ -144,7 +163,7 @@ impl Bus {
     fn describe(&self, server: u8, transfer: &mut Transfer) -> SdoTransfer {
         let (request, response) =
             self.channel_ids(transfer.channel).unwrap_or((Frame::EMPTY.id, Frame::EMPTY.id));
-        let previous = transfer.object.and_then(|object| self.node(server)?.store().get(object));
+        let (previous, previous_assumed) = self.previous(server, transfer.object);
         let (effect, persists) = self.consequence(server, transfer);
         SdoTransfer {
             meaning: transfer.object.and_then(|object| self.meaning(server, object)).map(Arc::new),
@@ -160,7 +179,8 @@ impl Bus {
             announced: transfer.announced,
             data: std::mem::take(&mut transfer.data),
             truncated: transfer.truncated,
-            previous: previous.map(|entry| entry.value.clone()),
+            previous,
+            previous_assumed,
             duration: transfer.duration(),
             outcome: transfer.outcome,
             abort: transfer.abort,
