@@ -16,16 +16,19 @@ use std::fs::File;
 use std::hint::black_box;
 use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use cobscope_decoder::capture::{Batch, ReadOptions, Reader};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::Event;
-use cobscope_decoder::session::{Bus, Observer, SessionOptions};
+use cobscope_decoder::profile::{Catalogue, ProfileError};
+use cobscope_decoder::session::{AssignedBy, Assignment, Bus, Observer, SessionOptions};
 use cobscope_decoder::sink::jsonl::Jsonl;
 use cobscope_decoder::sink::text::{Text, TextOptions};
+use machine::devices::{DEVICES, Devices};
 use machine::formats::Format;
-use machine::{Machine, Options};
+use machine::{Machine, Message, Options};
 
 /// Bytes asked for at a time when newlines are counted.
 const CHUNK: usize = 256 * 1024;
@@ -42,6 +45,7 @@ struct Captures {
     storm: PathBuf,
     pcap: PathBuf,
     pcapng: PathBuf,
+    devices: PathBuf,
 }
 
 /// What a stage does with the captures.
@@ -53,7 +57,7 @@ struct Stage {
     times: Vec<Duration>,
 }
 
-const STAGES: [(&str, Run); 12] = [
+const STAGES: [(&str, Run); 16] = [
     ("newline count", |captures| count_newlines(&captures.normal)),
     ("candump, frames only", |captures| read(&captures.normal)),
     ("candump to events", |captures| decode(&captures.normal, &mut ignore)),
@@ -62,6 +66,10 @@ const STAGES: [(&str, Run); 12] = [
     ("known mappings to JSON Lines", |captures| decode(&captures.mapped, &mut ToJsonl(Jsonl::new(output())))),
     ("fault storm to events", |captures| decode(&captures.storm, &mut ignore)),
     ("fault storm to text", |captures| decode(&captures.storm, &mut to_text())),
+    ("devices to events, plain", |captures| decode(&captures.devices, &mut ignore)),
+    ("devices to events, profiles", |captures| decode_with(&captures.devices, profiles()?, &mut ignore)),
+    ("devices to text, plain", |captures| decode(&captures.devices, &mut to_text())),
+    ("devices to text, profiles", |captures| decode_with(&captures.devices, profiles()?, &mut to_text())),
     ("pcap, frames only", |captures| read(&captures.pcap)),
     ("pcap to events", |captures| decode(&captures.pcap, &mut ignore)),
     ("pcapng, frames only", |captures| read(&captures.pcapng)),
@@ -133,15 +141,8 @@ fn wall() -> Duration {
 
 fn captures(folder: &Path, frames: usize) -> io::Result<Captures> {
     let normal = Options { seed: 1, storm: false, mapping: false };
-    let write = |name: &str, format: Format, options| -> io::Result<PathBuf> {
-        let path = folder.join(name);
-        let mut out = BufWriter::with_capacity(CHUNK, File::create(&path)?);
-        format.begin(&mut out)?;
-        for message in Machine::new(options).take(frames) {
-            format.write(&message, &mut out)?;
-        }
-        out.flush()?;
-        Ok(path)
+    let write = |name: &str, format: Format, options| {
+        write(&folder.join(name), format, Machine::new(options).take(frames))
     };
     Ok(Captures {
         normal: write("normal.log", Format::Candump, normal)?,
@@ -149,7 +150,31 @@ fn captures(folder: &Path, frames: usize) -> io::Result<Captures> {
         storm: write("storm.log", Format::Candump, Options { storm: true, ..normal })?,
         pcap: write("normal.pcap", Format::Pcap, normal)?,
         pcapng: write("normal.pcapng", Format::Pcapng, normal)?,
+        devices: self::write(&folder.join("devices.log"), Format::Candump, Devices::new(1).take(frames))?,
     })
+}
+
+fn write(path: &Path, format: Format, messages: impl Iterator<Item = Message>) -> io::Result<PathBuf> {
+    let mut out = BufWriter::with_capacity(CHUNK, File::create(path)?);
+    format.begin(&mut out)?;
+    for message in messages {
+        format.write(&message, &mut out)?;
+    }
+    out.flush()?;
+    Ok(path.to_owned())
+}
+
+/// Every device of the hydraulic machine with its profile. Reading profiles is start-up, measured by
+/// `whole_program.py`.
+fn profiles() -> Result<SessionOptions, Box<dyn std::error::Error>> {
+    static CATALOGUE: OnceLock<Catalogue> = OnceLock::new();
+    let catalogue = CATALOGUE.get_or_init(Catalogue::default);
+    let assign = |(node, id): (u8, &str)| {
+        let device = catalogue.device(id)?;
+        Ok(Assignment { bus: None, node, device, by: AssignedBy::Option })
+    };
+    let assignments = DEVICES.into_iter().map(assign).collect::<Result<_, ProfileError>>()?;
+    Ok(SessionOptions { assignments, ..SessionOptions::default() })
 }
 
 fn count_newlines(path: &Path) -> Outcome {
@@ -176,8 +201,12 @@ fn read(path: &Path) -> Outcome {
 }
 
 fn decode(path: &Path, out: &mut dyn Observer) -> Outcome {
+    decode_with(path, SessionOptions::default(), out)
+}
+
+fn decode_with(path: &Path, options: SessionOptions, out: &mut dyn Observer) -> Outcome {
     let mut reader = Reader::open(File::open(path)?, &ReadOptions::default())?;
-    let mut decoder = Decoder::new(SessionOptions::default());
+    let mut decoder = Decoder::new(options);
     let mut batch = Batch::new();
     while reader.read(&mut batch)? {
         if !batch.notices().is_empty() {

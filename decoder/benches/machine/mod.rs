@@ -6,6 +6,7 @@
 //!   heartbeats (100 ms to 1 s), guarding (two nodes), SDO transfers of every kind, EMCY, TIME
 //! ```
 
+pub mod devices;
 pub mod formats;
 mod sdo;
 

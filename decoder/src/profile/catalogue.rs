@@ -1,7 +1,7 @@
 //! All profiles by id: those of this program, and those the user brings.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use serde::Deserialize;
 
@@ -221,10 +221,7 @@ impl Catalogue {
     /// Assignments that fit what a node said of itself; more than one is ambiguous.
     pub fn identify(&self, node: &Introduction) -> Vec<String> {
         let user = self.user.iter().map(|user| (user.id.clone(), user.identities.clone()));
-        let own = bundled().filter(|(path, _)| path.starts_with(VENDOR)).filter_map(|(path, text)| {
-            let id = id_of(path)?;
-            (self.brought(&id).is_none()).then(|| (id, identities(text)))
-        });
+        let own = bundled_identities().iter().filter(|(id, _)| self.brought(id).is_none()).cloned();
         let mut all: Vec<String> = Vec::new();
         for (id, identities) in user.chain(own) {
             for identity in identities.iter().filter(|identity| identity.fits(node)) {
@@ -244,6 +241,15 @@ impl Catalogue {
 /// Path and text of the profiles of this program.
 fn bundled() -> impl Iterator<Item = (&'static str, &'static str)> {
     embedded::FILES.iter().map(|(path, text)| (*path, *text))
+}
+
+/// Identities of the devices of this program, by id; collected when first asked for.
+fn bundled_identities() -> &'static [(String, Vec<Identity>)] {
+    static ALL: OnceLock<Vec<(String, Vec<Identity>)>> = OnceLock::new();
+    ALL.get_or_init(|| {
+        let devices = bundled().filter(|(path, _)| path.starts_with(VENDOR));
+        devices.filter_map(|(path, text)| Some((id_of(path)?, identities(text)))).collect()
+    })
 }
 
 /// The identities of a profile without reading the rest of it.

@@ -8,7 +8,7 @@ use super::store::Store;
 use crate::event::{Certainty, StateCause};
 use crate::frame::{CanId, Timestamp};
 use crate::profile::device::PdoField;
-use crate::profile::{Device, Meaning, PdoName, Resolver, plain_device};
+use crate::profile::{Device, Introduction, Meaning, PdoName, Resolver, plain_device};
 use crate::wire::canopen::emcy::ByteOrder;
 use crate::wire::canopen::{NmtState, ObjectAddress};
 
@@ -115,6 +115,8 @@ pub struct Node {
     pub(super) given_pdos: Arc<Vec<(PdoName, Vec<PdoField>)>>,
     /// What the device does.
     pub(super) behaviour: Behaviour,
+    /// What it said of itself when it was last compared with all devices.
+    pub(super) introduction: Option<Arc<Introduction>>,
     /// Several devices fit, and that was said.
     pub(super) ambiguous: bool,
 }
@@ -175,6 +177,7 @@ impl Node {
             assigned: None,
             given_pdos: Arc::default(),
             behaviour: Behaviour::default(),
+            introduction: None,
             ambiguous: false,
         }
     }

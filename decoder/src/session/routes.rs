@@ -198,13 +198,14 @@ impl Routes {
         }
     }
 
-    /// The same for PDOs of a node whose layout depends on an object.
+    /// The same for PDOs of a node whose layout depends on an object. Of those without a layout nothing
+    /// is known to depend on it: a mapping that becomes known refreshes them itself.
     pub(super) fn refresh_dependents(&mut self, id: u8, object: ObjectAddress) {
         for slot in &mut self.slots {
             let depends = matches!(slot.service, Service::Pdo(_, node) if node == id)
                 && slot.pdo.as_deref().is_some_and(|event| match &event.kind {
                     EventKind::Pdo(Pdo { layout: Some(layout), .. }) => layout.depends.contains(&object),
-                    _ => true,
+                    _ => false,
                 });
             if depends {
                 slot.pdo = None;

@@ -35,7 +35,8 @@ impl Bus {
         let Some(entry) = self.routes.slot_mut(slot) else { return };
         let Some(event) = &mut entry.pdo else { return self.first_pdo(slot, name, id, frame, out) };
         let EventKind::Pdo(pdo) = &mut event.kind else { return };
-        let same = pdo.is_request == is_request && has_same_payload(pdo, frame);
+        let change = if pdo.is_request == is_request { difference(pdo, frame) } else { Some(u64::MAX) };
+        let same = change.is_none();
         event.time = frame.time;
         event.frames = FrameRange::one(frame.number);
         event.presumed = !believed;
@@ -46,7 +47,7 @@ impl Bus {
         copy_payload(&mut pdo.bytes, frame);
         let mut matters = false;
         if let Some(planned) = &mut entry.plan {
-            matters = !same || planned.plan.triggers;
+            matters = planned.plan.triggers || change.is_some_and(|change| change & planned.plan.mask != 0);
             if planned.plan.commands {
                 planned.recent.push(frame.number, self.clock.now());
             }
@@ -117,18 +118,21 @@ impl Bus {
     }
 }
 
-/// Whether a frame of the same kind repeats the payload; up to eight bytes are compared in one register.
+/// The bits in which a frame of the same kind differs from the one before, all for another length; `None`
+/// if it repeats it. Up to eight bytes are compared in one register.
 #[inline]
-fn has_same_payload(pdo: &Pdo, frame: &Frame) -> bool {
+fn difference(pdo: &Pdo, frame: &Frame) -> Option<u64> {
     if pdo.length != frame.length {
-        return false;
+        return Some(u64::MAX);
     }
     match (pdo.bytes.first_chunk(), frame.bytes.first_chunk()) {
         (Some(before), Some(now)) if frame.length <= 8 && !pdo.is_request => {
+            let unused = 64 - 8 * u32::from(frame.length);
             let difference = u64::from_le_bytes(*before) ^ u64::from_le_bytes(*now);
-            difference.checked_shl(64 - 8 * u32::from(frame.length)).unwrap_or(0) == 0
+            let difference = difference & u64::MAX.checked_shr(unused).unwrap_or(0);
+            (difference != 0).then_some(difference)
         }
-        _ => pdo.payload() == frame.data(),
+        _ => (pdo.payload() != frame.data()).then_some(u64::MAX),
     }
 }
 

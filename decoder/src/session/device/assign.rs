@@ -67,7 +67,14 @@ impl Bus {
                 characters.map(|byte| char::from(*byte)).collect()
             }),
         };
+        // The same words were tried before.
+        if node.introduction.as_deref() == Some(&introduction) {
+            return;
+        }
         self.recognise(id, &introduction, frame, out);
+        if let Some(node) = self.node_mut(id) {
+            node.introduction = Some(Arc::new(introduction));
+        }
     }
 
     /// Assigns what fits; several are said, not guessed.

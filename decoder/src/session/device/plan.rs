@@ -11,6 +11,8 @@ use crate::wire::canopen::ObjectAddress;
 pub(in crate::session) struct Plan {
     /// Places of the fields.
     pub(super) fields: Vec<usize>,
+    /// Bits of these fields in the first eight bytes.
+    pub(in crate::session) mask: u64,
     /// Looked at even if nothing changed: a procedure waits for this PDO.
     pub(in crate::session) triggers: bool,
     /// Sent once an occasion, so the same bits mean that it happened again.
@@ -58,6 +60,7 @@ impl Plan {
             let matters = matches!(role, Some(Role::Control | Role::Status | Role::SetPoint | Role::Mode));
             if matters || has_bits || device.decides(field.object) || device.watches(field.object) {
                 plan.fields.push(place);
+                plan.mask |= bits(field.bit, field.bits);
             }
             plan.commands |= device.machines.iter().any(|it| it.control.object.object == field.object);
         }
@@ -79,6 +82,12 @@ impl Plan {
         plan.commands &= name.direction == PdoDirection::Receive;
         (!plan.fields.is_empty() || plan.triggers).then_some(plan)
     }
+}
+
+/// The bits of a field as a mask over eight bytes.
+fn bits(first: u16, width: u16) -> u64 {
+    let field = if width >= 64 { u64::MAX } else { (1 << width) - 1 };
+    field.checked_shl(u32::from(first)).unwrap_or(0)
 }
 
 impl Device {
