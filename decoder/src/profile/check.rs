@@ -18,6 +18,9 @@ use crate::wire::canopen::ObjectAddress;
 /// Most bits a classic CAN frame holds.
 const FRAME_BITS: u16 = 64;
 
+/// Most machines, gates or procedures of a device, repeats counted.
+const MOST_REPEATS: usize = 512;
+
 /// Everything wrong with one variant of a device; `text` is the profile's.
 pub fn check(text: &str, file: &ProfileFile, device: &Device) -> Vec<TextError> {
     let mut check = Check { device, variants: file, wrong: Vec::new() };
@@ -235,7 +238,20 @@ impl Check<'_> {
         }
     }
 
+    /// Machines, gates and procedures are kept one by one.
+    fn repeats(&mut self) {
+        let places = &self.device.places;
+        let lists = [&places.machines, &places.gates, &places.procedures];
+        for span in lists.into_iter().filter_map(|list| list.get(MOST_REPEATS).cloned()) {
+            self.say(
+                &span,
+                format!("machines, gates and procedures repeat {MOST_REPEATS} times in all at most"),
+            );
+        }
+    }
+
     fn behaviour(&mut self) {
+        self.repeats();
         let device = self.device;
         for (machine, span) in device.machines.iter().zip(&device.places.machines) {
             self.machine(machine, span);

@@ -146,6 +146,13 @@ impl Layout {
     }
 }
 
+impl Layout {
+    /// Fields a payload is too short for.
+    pub fn missing<'a>(&'a self, payload: &'a [u8]) -> impl Iterator<Item = &'a Field> {
+        self.fields.iter().filter(move |field| field.extract(payload).is_none())
+    }
+}
+
 impl Field {
     /// Name of the object, if known.
     pub fn name(&self) -> Option<&str> {

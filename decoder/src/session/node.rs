@@ -95,6 +95,8 @@ pub struct Node {
     pub(super) restart: Restart,
     /// Byte order of EMCY codes, told by the codes.
     pub(super) emcy_order: Option<LearntOrder>,
+    /// An object whose presumed value an EMCY contradicts, to be told.
+    pub(super) contradicted: Option<ObjectAddress>,
     /// Booted, and no EMCY since.
     pub(super) just_booted: bool,
     /// Boot-ups seen.
@@ -165,6 +167,7 @@ impl Node {
             sync: CanId::standard(0x80),
             restart: Restart::PowerOn,
             emcy_order: None,
+            contradicted: None,
             just_booted: false,
             boots: 0,
             heartbeat: Heartbeat::default(),

@@ -125,11 +125,34 @@ fn row(node: &Node, object: ObjectAddress, entry: &Entry, first: Option<Timestam
     // What the bus file states has no frame.
     let frame = if entry.origin.frame == 0 { String::new() } else { format!(" {{{}}}", entry.origin.frame) };
     let line = format!(
-        "{object}  {name:<50}  {:<18}  {:<7}{frame}{time}  {data}{more}",
+        "{object}  {name:<50}  {:<18}  {:<7}{frame}{time}  {data}{more}{}",
         format!("{value}{stale}"),
         entry.origin.kind.verb(),
+        future(node, object),
     );
     let _ = writeln!(output, "{}", escape(line.trim_end()));
+}
+
+/// What becomes of a value: what takes its place at a restart, whether it stays.
+fn future(node: &Node, object: ObjectAddress) -> String {
+    let waiting = node.store().waiting(object).map_or(String::new(), |waiting| {
+        let meaning = node.meaning(object);
+        let shown = meaning.map_or_else(
+            || Value::Bytes(waiting.value.clone()).to_string(),
+            |meaning| meaning.show(&meaning.decode(&waiting.value)),
+        );
+        format!("  → {shown} {} {{{}}}", waiting.effect.when(), waiting.origin.frame)
+    });
+    let persists = match node.persists(object) {
+        Some("no") => "  lost at a restart",
+        Some("not-stored") => "  not stored",
+        _ => "",
+    };
+    format!("{waiting}{persists}")
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().concat()
 }
 
 /// One object as a JSON object.
@@ -142,7 +165,6 @@ fn record(bus: &Bus, node: &Node, object: ObjectAddress, entry: &Entry, capture:
         Value::Text(text) => Some(json!(text)),
         Value::Bytes(_) => None,
     });
-    let data: Vec<String> = entry.value.iter().map(|byte| format!("{byte:02X}")).collect();
     json!({
         "capture": capture,
         "bus": bus.name(),
@@ -151,10 +173,16 @@ fn record(bus: &Bus, node: &Node, object: ObjectAddress, entry: &Entry, capture:
         "name": known.as_ref().map(|known| &known.name),
         "value": value,
         "unit": known.as_ref().map(|known| &known.unit).filter(|unit| !unit.is_empty()),
-        "data": data.concat(),
+        "data": hex(&entry.value),
         "size": entry.size,
         "origin": entry.origin.kind.name(),
         "frame": Some(entry.origin.frame).filter(|frame| *frame != 0),
         "stale": entry.stale,
+        "persists": node.persists(object),
+        "waiting": node.store().waiting(object).map(|waiting| json!({
+            "data": hex(&waiting.value),
+            "effective": waiting.effect.name(),
+            "frame": waiting.origin.frame,
+        })),
     })
 }

@@ -33,6 +33,9 @@ use super::object::{BitNames, Names, Only};
 use super::position::TextError;
 use crate::wire::canopen::ObjectAddress;
 
+/// Copies of a repeated machine, gate or procedure that are made; `check` wants fewer in all.
+const MOST_COPIES: u16 = 1024;
+
 /// A profile as its file says it.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -266,19 +269,19 @@ impl ProfileFile {
             device.pdos.push(pdo.get_ref().clone());
         }
         for machine in file.machine.iter().filter(|it| it.get_ref().only.allows(variant)) {
-            for nth in 0..machine.get_ref().repeat.count {
+            for nth in 0..machine.get_ref().repeat.count.min(MOST_COPIES) {
                 device.places.machines.push(machine.span());
                 device.machines.push(machine.get_ref().pinned(nth));
             }
         }
         for gate in file.gate.iter().filter(|gate| gate.get_ref().only.allows(variant)) {
-            for nth in 0..gate.get_ref().repeat.count {
+            for nth in 0..gate.get_ref().repeat.count.min(MOST_COPIES) {
                 device.places.gates.push(gate.span());
                 device.gates.push(gate.get_ref().pinned(nth));
             }
         }
         for procedure in file.procedure.iter().filter(|it| it.get_ref().only.allows(variant)) {
-            for nth in 0..procedure.get_ref().repeat.count {
+            for nth in 0..procedure.get_ref().repeat.count.min(MOST_COPIES) {
                 device.places.procedures.push(procedure.span());
                 device.procedures.push(procedure.get_ref().pinned(nth));
             }

@@ -39,6 +39,13 @@ pub(crate) fn signals(pdo: &Pdo, fields: &mut dyn Fields) {
         fields.close();
     }
     fields.close_list();
+    if usize::from(layout.bits.div_ceil(8)) > pdo.payload().len() {
+        fields.open_list("missing");
+        for field in layout.missing(pdo.payload()) {
+            fields.field("", FieldValue::Object(field.object));
+        }
+        fields.close_list();
+    }
 }
 
 /// The value in engineering units, with unit and name; `null` where it is no quantity but a special value.

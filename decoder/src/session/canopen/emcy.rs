@@ -20,6 +20,7 @@ impl Bus {
         }
         let Some(node) = self.node_mut(id) else { return };
         let (byte_order, byte_order_by) = byte_order(node, frame.data());
+        let contradicted = node.contradicted.take();
         let message = match emcy::parse(frame.data(), byte_order) {
             Ok(message) => message,
             Err(error) => return self.malformed(frame, id, error, "an error code has two bytes", out),
@@ -61,6 +62,12 @@ impl Bus {
         self.emit(frame, id, false, EventKind::Emcy(emergency), out);
         if !fits {
             self.emit(frame, id, false, EventKind::Evicted { what: "active error", count: 1 }, out);
+        }
+        if let Some(object) = contradicted {
+            let text = format!(
+                "node {id}: its EMCY codes contradict the value presumed for {object} since the restart"
+            );
+            self.note(frame, text, out);
         }
         if let Some(cause) = boot {
             self.restarted(id, cause, frame, out);
@@ -124,14 +131,17 @@ fn byte_order(node: &mut Node, data: &[u8]) -> (ByteOrder, &'static str) {
         return (learnt, "learnt");
     }
     let other = opposite(stated);
+    let (object, was_known) = (object.object, known.is_some());
+    let origin = if was_known { "presumed" } else { "profile" };
     if !is_code(&node.device, data, stated) && is_code(&node.device, data, other) {
         node.emcy_order = Some(LearntOrder(other));
+        node.contradicted = was_known.then_some(object);
         return (other, "learnt");
     }
     if is_code(&node.device, data, stated) {
         node.emcy_order = Some(LearntOrder(stated));
     }
-    (stated, if known.is_some() { "presumed" } else { "profile" })
+    (stated, origin)
 }
 
 const fn opposite(order: ByteOrder) -> ByteOrder {

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use crate::event::{BootCause, EventKind, ObjectChange};
 use crate::frame::Frame;
+use crate::profile::device::Order;
 use crate::profile::object::Format;
 use crate::profile::{Effect, Storage};
 use crate::session::node::Node;
@@ -129,6 +130,10 @@ impl Bus {
 
     /// An object has another value without a message: identifiers and times follow.
     fn fell_back(&mut self, id: u8, object: ObjectAddress) {
+        if let Some(node) = self.node_mut(id) {
+            let decides = node.device.emcy.byte_order.as_ref().and_then(Order::object) == Some(object);
+            node.emcy_order = node.emcy_order.filter(|_| !decides);
+        }
         let known = self.node(id).is_some_and(|node| node.store.get(object).is_some());
         if known {
             self.take_effect(id, object);

@@ -7,7 +7,8 @@ use crate::event::{EventKind, ObjectChange};
 use crate::frame::Frame;
 use crate::profile::device::Device;
 use crate::profile::object::Format;
-use crate::profile::{Effect, Entry, Found, Storage};
+use crate::profile::{DataType, Effect, Entry, Found, Storage};
+use crate::session::node::Node;
 use crate::session::store::{Origin, OriginKind, Waiting};
 use crate::session::{Bus, Observer};
 use crate::wire::canopen::ObjectAddress;
@@ -35,9 +36,10 @@ impl Bus {
         frame: &Frame,
         out: &mut dyn Observer,
     ) {
-        let learnt = Learnt { object, value, origin: Origin { kind, frame: frame.number, time: frame.time } };
         let Some(node) = self.node_mut(id) else { return };
         let device = Arc::clone(&node.device);
+        let value = unpadded(value, device.dictionary.data_type(object));
+        let learnt = Learnt { object, value, origin: Origin { kind, frame: frame.number, time: frame.time } };
         let found = device.dictionary.find(object);
         let entry = found.and_then(|found| found.entry);
         match kind {
@@ -225,6 +227,33 @@ impl Bus {
         };
         Arc::make_mut(&mut node.store).doubt_all(untold);
         self.routes.refresh_pdos_of(id);
+    }
+}
+
+/// A value without the padding of an expedited transfer that does not tell its size.
+fn unpadded(value: &[u8], data_type: Option<DataType>) -> &[u8] {
+    let length = data_type.and_then(DataType::bits).map(|bits| usize::from(bits.div_ceil(8)));
+    match length.and_then(|length| value.split_at_checked(length)) {
+        Some((value, padding)) if padding.iter().all(|byte| *byte == 0) => value,
+        _ => value,
+    }
+}
+
+impl Node {
+    /// Whether the present value of an object outlives a restart, as far as the device's profile tells:
+    /// `yes`, `no`, `not-stored` (its store object was not written since).
+    pub fn persists(&self, object: ObjectAddress) -> Option<&'static str> {
+        let entry = self.device.dictionary.find(object)?.entry.filter(|it| it.format != Format::Ascii)?;
+        let value = self.store.get(object)?;
+        match entry.storage {
+            Storage::EachWrite | Storage::Fixed => Some("yes"),
+            Storage::Volatile => Some("no"),
+            Storage::Save if self.store.kept(object) == Some(value.value.as_slice()) => Some("yes"),
+            // What was read and never written is what the device had stored.
+            Storage::Save if value.origin.kind == OriginKind::Upload => Some("yes"),
+            Storage::Save => Some("not-stored"),
+            Storage::Unknown => None,
+        }
     }
 }
 

@@ -6,7 +6,7 @@ use std::io::Write as _;
 use super::line::push_bytes;
 use crate::event::{Event, Pdo};
 use crate::profile::device::Mapping;
-use crate::profile::{Device, Meaning, PdoDirection, Signal, Value};
+use crate::profile::{Device, Layout, Meaning, PdoDirection, Signal, Value};
 use crate::sink::ascii::{push_code, push_decimal, push_integer};
 
 /// Appends `TPDO1 37 06: 6041:00=1591`, `TPDO1 08 A0 1F 00 20: status 08h pressure control, p 157.5 bar of 315`.
@@ -31,9 +31,24 @@ pub(super) fn push_words(pdo: &Pdo, out: &mut Vec<u8>) {
     }
     let needed = usize::from(layout.bits.div_ceil(8));
     if needed > payload.len() {
-        // Writing to a vector cannot fail.
-        let _ = write!(out, " (mapping needs {needed} bytes)");
+        push_absent(layout, payload, needed, out);
     }
+}
+
+/// ` (mapping needs 5 bytes: p missing)`.
+fn push_absent(layout: &Layout, payload: &[u8], needed: usize, out: &mut Vec<u8>) {
+    // Writing to a vector cannot fail.
+    let _ = write!(out, " (mapping needs {needed} bytes");
+    let mut separator = ": ";
+    for field in layout.missing(payload) {
+        let short = field.meaning.as_deref().map(|meaning| meaning.short.as_ref().unwrap_or(&meaning.name));
+        let _ = match short {
+            Some(name) => write!(out, "{separator}{name}"),
+            None => write!(out, "{separator}{}", field.object),
+        };
+        separator = ", ";
+    }
+    out.extend_from_slice(b" missing)");
 }
 
 /// Appends what would tell the contents of a PDO that the maker's tool decides.
