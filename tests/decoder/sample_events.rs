@@ -276,6 +276,7 @@ fn meaning(name: &str) -> Meaning {
         name: name.to_owned(),
         data_type: Some(DataType::Unsigned16),
         unit: "ms".into(),
+        values: Some(Arc::new(Names([(200, "two hundred".to_owned())].into()))),
         special: Some(Arc::new(Names([(1000, "one second".to_owned())].into()))),
         bits: Some(Arc::new(BitNames { list: vec![bit] })),
         range: Some([0, 1]),
@@ -336,6 +337,11 @@ fn transfers() -> Vec<EventKind> {
     let text = SdoTransfer {
         direction: Some(Direction::Upload),
         object: Some(ObjectAddress::new(0x1008, 0)),
+        meaning: Some(Arc::new(Meaning {
+            name: "Manufacturer device name".into(),
+            data_type: Some(DataType::VisibleString),
+            ..Meaning::default()
+        })),
         data: b"ABCD".to_vec(),
         ..write.clone()
     };
