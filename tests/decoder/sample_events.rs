@@ -60,7 +60,16 @@ pub fn event(kind: EventKind) -> Event {
 
 /// All samples.
 pub fn all() -> Vec<Event> {
-    let kinds = [nodes(), devices(), messages(), transfers(), layer_setting(), bus_and_capture()].concat();
+    let kinds = [
+        nodes(),
+        states_and_set_points(),
+        words_and_procedures(),
+        messages(),
+        transfers(),
+        layer_setting(),
+        bus_and_capture(),
+    ]
+    .concat();
     kinds.into_iter().map(event).collect()
 }
 
@@ -119,7 +128,7 @@ fn nodes() -> Vec<EventKind> {
     ]
 }
 
-fn devices() -> Vec<EventKind> {
+fn states_and_set_points() -> Vec<EventKind> {
     let state = DeviceState {
         machine: "device".into(),
         channel: Some(1),
@@ -151,6 +160,19 @@ fn devices() -> Vec<EventKind> {
         gates: vec!["ACTIVE reported".into()],
         sync_after: Some(1_000_000),
     };
+    vec![
+        EventKind::DeviceState(Box::new(state)),
+        EventKind::DeviceState(Box::new(known)),
+        EventKind::SetPoint(Box::new(SetPoint {
+            from: None,
+            to: Quantity { number: Some(1.0), text: "1.0 %".into() },
+            ..point.clone()
+        })),
+        EventKind::SetPoint(Box::new(point)),
+    ]
+}
+
+fn words_and_procedures() -> Vec<EventKind> {
     let object = ObjectAddress::new(0x6041, 0);
     let bits = BitsChanged {
         object,
@@ -187,15 +209,7 @@ fn devices() -> Vec<EventKind> {
     let identified = NodeIdentified { device: "acme-pump".into(), title: "PUMP".into(), by: "identity" };
     vec![
         EventKind::NodeIdentified(Box::new(identified)),
-        EventKind::DeviceState(Box::new(state)),
-        EventKind::DeviceState(Box::new(known)),
         EventKind::BitsChanged(Box::new(bits)),
-        EventKind::SetPoint(Box::new(SetPoint {
-            from: None,
-            to: Quantity { number: Some(1.0), text: "1.0 %".into() },
-            ..point.clone()
-        })),
-        EventKind::SetPoint(Box::new(point)),
         EventKind::Mode(Box::new(ModeChange { from: Some("position".into()), ..mode.clone() })),
         EventKind::Mode(Box::new(mode)),
         EventKind::Procedure(Box::new(procedure)),
@@ -257,6 +271,7 @@ fn messages() -> Vec<EventKind> {
         EventKind::Emcy(ready),
         EventKind::Emcy(ready_commanded),
         EventKind::Pdo(pdo.clone()),
+        EventKind::Pdo(Pdo { length: 1, ..pdo.clone() }),
         EventKind::Pdo(Pdo { is_request: true, ..pdo }),
     ]
 }
@@ -284,8 +299,9 @@ fn meaning(name: &str) -> Meaning {
     }
 }
 
-fn transfers() -> Vec<EventKind> {
-    let write = SdoTransfer {
+/// A write of a heartbeat time.
+fn write() -> SdoTransfer {
+    SdoTransfer {
         request: CanId::standard(0x602),
         response: CanId::standard(0x582),
         client: Some(127),
@@ -308,7 +324,11 @@ fn transfers() -> Vec<EventKind> {
         cut_start: false,
         cut_end: false,
         frame_count: 2,
-    };
+    }
+}
+
+fn transfers() -> Vec<EventKind> {
+    let write = write();
     let aborted = SdoTransfer {
         client: None,
         direction: None,

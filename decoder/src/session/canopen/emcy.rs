@@ -6,8 +6,8 @@ use crate::profile::Device;
 use crate::profile::device::{Boot, Cleared, NmtName, Order};
 use crate::session::node::{LearntOrder, Node};
 use crate::session::{Bus, Observer};
-use crate::wire::canopen::NmtState;
 use crate::wire::canopen::emcy::{self, ByteOrder, Emcy};
+use crate::wire::canopen::{NmtState, ObjectAddress};
 
 /// Life guard or heartbeat error (CiA 301 §7.2.7.1, table 26), where a device has no code of its own.
 const LIFE_GUARD_ERROR: u16 = 0x8130;
@@ -63,12 +63,7 @@ impl Bus {
         if !fits {
             self.emit(frame, id, false, EventKind::Evicted { what: "active error", count: 1 }, out);
         }
-        if let Some(object) = contradicted {
-            let text = format!(
-                "node {id}: its EMCY codes contradict the value presumed for {object} since the restart"
-            );
-            self.note(frame, text, out);
-        }
+        self.say_contradiction(id, contradicted, frame, out);
         if let Some(cause) = boot {
             self.restarted(id, cause, frame, out);
             self.confirm_state(id, NmtState::PreOperational, StateCause::BootUp, frame, out);
@@ -76,6 +71,21 @@ impl Bus {
         if let Some(code) = code {
             self.error_moves_nmt(id, code, frame, out);
             self.device_saw_emcy(id, code, frame, out);
+        }
+    }
+
+    fn say_contradiction(
+        &self,
+        id: u8,
+        object: Option<ObjectAddress>,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        if let Some(object) = object {
+            let text = format!(
+                "node {id}: its EMCY codes contradict the value presumed for {object} since its restart"
+            );
+            self.note(frame, text, out);
         }
     }
 
