@@ -21,8 +21,13 @@ GENERATED = {
     "storm.log": ["--storm", "--frames", "2000000"],
     "normal.pcap": ["--format", "pcap"],
     "normal.pcapng": ["--format", "pcapng"],
+    "devices.log": ["--devices"],
     "10M.log": ["--frames", "10000000"],
 }
+
+DEVICES = [
+    "--node", "2=rexroth-sydfec", "--node", "5=rexroth-ifb-iac", "--node", "1=wandfluh-md2", "--node", "32=danfoss-pve-ci",
+]
 
 COMMANDS = [
     ("newline count (wc -l)", "normal.log", None, 1_000_000),
@@ -36,7 +41,12 @@ COMMANDS = [
     ("fault storm to text", "storm.log", "text", 2_000_000),
     ("pcap to events", "normal.pcap", "none", 1_000_000),
     ("pcapng to events", "normal.pcapng", "none", 1_000_000),
+    ("devices to events, plain", "devices.log", "none", 1_000_000),
+    ("devices to events, profiles", "devices.log", "none", 1_000_000, DEVICES),
+    ("devices to JSON Lines, plain", "devices.log", "jsonl", 1_000_000),
+    ("devices to JSON Lines, profiles", "devices.log", "jsonl", 1_000_000, DEVICES),
     ("1,000 frames to text", "1k.log", "text", 1_000),
+    ("1,000 frames, one profile", "1k.log", "text", 1_000, DEVICES[:2]),
 ]
 
 
@@ -51,11 +61,11 @@ def main():
     generate(root, folder, options.short)
     times = {name: [] for name, *_ in COMMANDS}
     for _ in range(options.rounds):
-        for name, capture, output, _ in COMMANDS:
-            times[name].append(cpu_seconds(command(program, folder, capture, output)))
+        for name, capture, output, _, *nodes in COMMANDS:
+            times[name].append(cpu_seconds(command(program, folder, capture, output, *nodes)))
     floor = statistics.median(times[COMMANDS[0][0]])
     print(f"{'whole program':<30} {'CPU ms':>8} {'ns/frame':>9} {'M frames/s':>10} {'newline counts':>15}")
-    for name, _, _, frames in COMMANDS:
+    for name, _, _, frames, *_ in COMMANDS:
         seconds = statistics.median(times[name])
         ratio = seconds / frames / (floor / 1_000_000)
         print(f"{name:<30} {seconds * 1e3:8.1f} {seconds / frames * 1e9:9.1f} {frames / seconds / 1e6:10.1f} {ratio:15.1f}")
@@ -65,9 +75,9 @@ def main():
             print(f"peak memory, {capture} to {output}: {peak:.1f} MiB")
 
 
-def command(program, folder, capture, output):
+def command(program, folder, capture, output, nodes=()):
     path = os.path.join(folder, capture)
-    return ["wc", "-l", path] if output is None else [program, "decode", "-f", output, path]
+    return ["wc", "-l", path] if output is None else [program, "decode", "-f", output, *nodes, path]
 
 
 def generate(root, folder, short):

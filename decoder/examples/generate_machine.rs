@@ -5,13 +5,15 @@
 //! ```
 //!
 //! Options: `--frames N` (1000000), `--seed N` (1), `--format candump|pcap|pcapng`, `--storm` (every second
-//! SDO transfer aborted, every tenth frame an EMCY), `--mapping` (PDO mappings are told by SDO).
+//! SDO transfer aborted, every tenth frame an EMCY), `--mapping` (PDO mappings are told by SDO),
+//! `--devices` (a hydraulic machine instead, whose devices have profiles: printed to standard error).
 
 #[path = "../benches/machine/mod.rs"]
 mod machine;
 
 use std::io::{self, BufWriter, Write};
 
+use machine::devices::{DEVICES, Devices};
 use machine::formats::Format;
 use machine::{Machine, Options};
 
@@ -19,11 +21,13 @@ fn main() -> io::Result<()> {
     let mut frames = 1_000_000;
     let mut format = Format::Candump;
     let mut options = Options { seed: 1, storm: false, mapping: false };
+    let mut devices = false;
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
         match argument.as_str() {
             "--storm" => options.storm = true,
             "--mapping" => options.mapping = true,
+            "--devices" => devices = true,
             "--frames" => frames = number(arguments.next())?,
             "--seed" => options.seed = number(arguments.next())?,
             "--format" => {
@@ -39,8 +43,17 @@ fn main() -> io::Result<()> {
     }
     let mut out = BufWriter::with_capacity(256 * 1024, io::stdout().lock());
     format.begin(&mut out)?;
-    for message in Machine::new(options).take(frames) {
-        format.write(&message, &mut out)?;
+    if devices {
+        for (node, profile) in DEVICES {
+            eprintln!("--node {node}={profile}");
+        }
+        for message in Devices::new(options.seed).take(frames) {
+            format.write(&message, &mut out)?;
+        }
+    } else {
+        for message in Machine::new(options).take(frames) {
+            format.write(&message, &mut out)?;
+        }
     }
     out.flush()
 }
@@ -50,5 +63,5 @@ fn number<T: std::str::FromStr>(text: Option<String>) -> io::Result<T> {
 }
 
 fn usage() -> io::Error {
-    io::Error::other("options: --frames N --seed N --format candump|pcap|pcapng --storm --mapping")
+    io::Error::other("options: --frames N --seed N --format candump|pcap|pcapng --storm --mapping --devices")
 }

@@ -58,7 +58,7 @@ impl Devices {
 
     fn cycle(&mut self) {
         self.cycle += 1;
-        if self.cycle % STEP == 0 {
+        if self.cycle.is_multiple_of(STEP) {
             for place in 0..self.set.len() {
                 let value = i16::try_from(self.random.below(8192)).unwrap_or(0);
                 if let Some(set) = self.set.get_mut(place) {
