@@ -132,7 +132,8 @@ pub(super) fn compile(text: &str, written: &Expression) -> Result<Compiled, Filt
     let tests = compiler.tests;
     let mut fields = tests.iter().flat_map(|test| test.0.iter().map(|(target, _)| target.field));
     let needs_details = fields.clone().any(|field| field.kinds != KindSet::ALL);
-    let needs_signals = fields.any(|field| field.key.split('.').next() == Some("signals"));
+    let needs_signals =
+        fields.any(|field| matches!(field.key.split('.').next(), Some("signals" | "missing")));
     Ok(Compiled { tree, tests, may, must, needs_details, needs_signals })
 }
 
