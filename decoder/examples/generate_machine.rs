@@ -45,7 +45,7 @@ fn main() -> io::Result<()> {
     format.begin(&mut out)?;
     if devices {
         for (node, profile) in DEVICES {
-            eprintln!("--node {node}={profile}");
+            writeln!(io::stderr(), "--node {node}={profile}")?;
         }
         for message in Devices::new(options.seed).take(frames) {
             format.write(&message, &mut out)?;

@@ -2,6 +2,8 @@
 
 use crate::event::EventKind;
 use crate::frame::Frame;
+use crate::profile;
+use crate::session::device::Announcement;
 use crate::session::{Bus, Observer};
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::lss::{self, Content};
@@ -19,6 +21,8 @@ pub(in crate::session) struct LssState {
     scanning: bool,
     /// Command of the master's last message.
     asked: Option<u8>,
+    /// Bit rate asked for and accepted, in kbit/s.
+    bit_rate: BitRate,
     /// Numbers of switch state selective, so far.
     address: [Option<u32>; 4],
 }
@@ -26,9 +30,18 @@ pub(in crate::session) struct LssState {
 /// Node-ID 255: not configured.
 const UNCONFIGURED: u8 = 255;
 
+/// Configure bit timing parameters (CiA 305 §3.9.3.2).
+const BIT_TIMING: u8 = 0x13;
+
 /// First of the four numbers of switch state selective, and its answer (CiA 305 §3.9.2.1).
 const SELECTIVE: u8 = 0x40;
 const SELECTED: u8 = 0x44;
+
+#[derive(Debug, Clone, Copy, Default)]
+struct BitRate {
+    asked: Option<u32>,
+    accepted: Option<u32>,
+}
 
 impl LssState {
     /// The change of node-ID that was accepted, if it leads to `id`: from, to.
@@ -55,7 +68,37 @@ impl Bus {
         };
         let kind = EventKind::Lss { command: message.command, from_master, content: message.content };
         self.emit(frame, 0, routine, kind, out);
-        self.follow_node_id(message, from_master);
+        self.follow_node_id(message, from_master, frame, out);
+        self.follow_bit_rate(message, from_master, frame, out);
+    }
+
+    /// What the bus goes to when the master activates what it configured (CiA 305 §3.9.3.2).
+    fn follow_bit_rate(
+        &mut self,
+        message: lss::Lss,
+        from_master: bool,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        match (message.content, from_master) {
+            (Content::BitTiming { table: 0, entry }, true) => {
+                self.lss.bit_rate.asked = profile::lss().bit_rate(entry);
+            }
+            (Content::Result { code: 0, .. }, false) if message.command == BIT_TIMING => {
+                self.lss.bit_rate.accepted = self.lss.bit_rate.asked.take();
+            }
+            (Content::Delay(delay), true) => {
+                if let Some(rate) = self.lss.bit_rate.accepted.take() {
+                    // Silence for the delay before the switch, and for the delay again after it.
+                    let text =
+                        format!("bus goes to {rate} kbit/s after {delay} ms, no frame for {delay} ms more");
+                    let change =
+                        Announcement { procedure: "bit-rate change", word: "RATE", finished: false, text };
+                    self.announce(0, change, frame, out);
+                }
+            }
+            _ => {}
+        }
     }
 
     /// An answer that fits the question is evidence of CANopen. Cars use these identifiers for UDS, whose
@@ -89,7 +132,13 @@ impl Bus {
     }
 
     /// Remembers a node-ID that is inquired, asked for, accepted.
-    fn follow_node_id(&mut self, message: lss::Lss, from_master: bool) {
+    fn follow_node_id(
+        &mut self,
+        message: lss::Lss,
+        from_master: bool,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
         match (message.content, from_master) {
             (Content::Number(number), true) => {
                 if let Some(slot) = message
@@ -110,6 +159,12 @@ impl Bus {
                 let from = self.lss.present.take().filter(|id| *id != UNCONFIGURED);
                 let to = self.lss.requested.take().filter(|to| (1..=127).contains(to));
                 self.lss.accepted = to.filter(|to| from != Some(*to)).map(|to| (from, to));
+                if let Some((from, to)) = self.lss.accepted {
+                    let text = format!("node-ID {to} after its next start");
+                    let change =
+                        Announcement { procedure: "node-ID change", word: "IDENT", finished: false, text };
+                    self.announce(from.unwrap_or(0), change, frame, out);
+                }
             }
             _ => {}
         }

@@ -1,8 +1,8 @@
 //! A node takes another node-ID: what moves with it, what stays.
 
-use crate::event::{EventKind, ProcedureEvent};
+use super::procedure::Announcement;
+use crate::event::EventKind;
 use crate::frame::{CanId, Frame};
-use crate::profile::device::ProcedureStatus;
 use crate::profile::{PdoDirection, PdoName, Role, integer};
 use crate::session::routes::Service;
 use crate::session::{Bus, Observer};
@@ -13,21 +13,17 @@ impl Bus {
         if let Some((from, to)) = self.lss.take_accepted(id) {
             let from = from.or_else(|| self.only_one_in_reset(id));
             self.change_node_id(from, to, "lss", frame, out);
+            self.node_id_changed(to, frame, out);
         } else if let Some(from) = self.told_to_be(id) {
             self.change_node_id(Some(from), id, "object", frame, out);
-            let event = ProcedureEvent {
-                procedure: "node-ID change".into(),
-                word: Some("IDENT".into()),
-                step: "finished".into(),
-                status: ProcedureStatus::Ok.name(),
-                duration: None,
-                nominal: None,
-                text: String::new(),
-                object: None,
-                takes_over: false,
-            };
-            self.emit(frame, id, false, EventKind::Procedure(Box::new(event)), out);
+            self.node_id_changed(id, frame, out);
         }
+    }
+
+    fn node_id_changed(&self, id: u8, frame: &Frame, out: &mut dyn Observer) {
+        let text = format!("node-ID {id}");
+        let change = Announcement { procedure: "node-ID change", word: "IDENT", finished: true, text };
+        self.announce(id, change, frame, out);
     }
 
     /// The node that was reset and did not come back, if there is just one: LSS does not always tell which

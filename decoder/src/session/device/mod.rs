@@ -15,4 +15,5 @@ mod values;
 pub(super) use behaviour::Behaviour;
 pub use gates::{GateState, GateStatus};
 pub(super) use plan::{Plan, Planned, Recent};
+pub(super) use procedure::Announcement;
 pub(super) use restart::Restart;

@@ -26,6 +26,14 @@ pub(in crate::session) struct Running {
     step: Option<usize>,
 }
 
+/// A change of node-ID or bit rate.
+pub(in crate::session) struct Announcement {
+    pub(in crate::session) procedure: &'static str,
+    pub(in crate::session) word: &'static str,
+    pub(in crate::session) finished: bool,
+    pub(in crate::session) text: String,
+}
+
 impl Node {
     /// Name of a running procedure that takes the set points over.
     pub(super) fn takes_over(&self, running: &Running) -> Option<&str> {
@@ -271,15 +279,27 @@ impl Bus {
             Some(Role::BitRate) => ("bit-rate change", "RATE", format!("bus goes to {shown} {when}")),
             _ => return,
         };
+        self.announce(id, Announcement { procedure: name, word, finished: false, text }, frame, out);
+    }
+
+    /// Tells a change of node-ID or bit rate that no profile describes.
+    pub(in crate::session) fn announce(
+        &self,
+        id: u8,
+        change: Announcement,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        let status = if change.finished { ProcedureStatus::Ok } else { ProcedureStatus::Running };
         let event = ProcedureEvent {
-            procedure: name.into(),
-            word: Some(word.into()),
-            step: "started".into(),
-            status: ProcedureStatus::Running.name(),
+            procedure: change.procedure.into(),
+            word: Some(change.word.into()),
+            step: if change.finished { "finished" } else { "started" }.into(),
+            status: status.name(),
             duration: None,
             nominal: None,
-            text,
-            object: Some(object),
+            text: change.text,
+            object: None,
             takes_over: false,
         };
         self.emit(frame, id, false, EventKind::Procedure(Box::new(event)), out);
