@@ -114,6 +114,7 @@ impl Bus {
         };
         // The command itself tells it already.
         self.emit(frame, id, cause == StateCause::Command, EventKind::NmtState(change), out);
+        self.reassess(id, frame, out);
     }
 
     /// Notes a state the node itself tells or shows; says so if that is news.
@@ -147,6 +148,7 @@ impl Bus {
         if is_news {
             let confirms = old.state == to && old.certainty == Certainty::Presumed;
             self.emit_change(Some(old), status, frame, confirms.then_some(age).filter(|_| runs), id, out);
+            self.reassess(id, frame, out);
         }
     }
 

@@ -39,7 +39,8 @@ pub(in crate::session) struct Behaviour {
     pub(super) running: Vec<Running>,
     /// Modes told last.
     pub(super) modes: Vec<(ObjectAddress, i64)>,
-    pub(super) nmt: Option<Moment<NmtService>>,
+    /// The last commands, latest first.
+    pub(super) nmt: [Option<Moment<NmtService>>; 3],
     pub(super) emcy: Option<Moment<u16>>,
     pub(super) boot: Option<Moment<()>>,
     pub(super) sync: Option<Moment<()>>,
@@ -192,7 +193,8 @@ impl Bus {
     ) {
         let time = self.clock.now();
         let Some(node) = self.node_mut(id) else { return };
-        node.behaviour.nmt = Some(Moment { what: service, frame: frame.number, time });
+        let [first, second, _] = node.behaviour.nmt;
+        node.behaviour.nmt = [Some(Moment { what: service, frame: frame.number, time }), first, second];
         let command = service.name();
         self.procedures_saw(
             id,

@@ -8,6 +8,7 @@ use crate::profile::device::{Machine, State, Transition, Trigger};
 use crate::session::node::Node;
 use crate::session::{Bus, Observer};
 use crate::wire::canopen::ObjectAddress;
+use crate::wire::canopen::nmt::NmtService;
 
 /// A command or error this long ago still explains a state, in nanoseconds.
 const WINDOW: i64 = 1_000_000_000;
@@ -255,8 +256,11 @@ fn forced(
         it.to == to.name && (it.from.0.is_empty() || it.from.0.iter().any(|own| own == from))
     });
     for it in fitting {
-        let nmt = behaviour.nmt.filter(|nmt| it.nmt.as_deref() == Some(nmt.what.name()));
-        if let Some(nmt) = nmt.filter(|nmt| is_recent(nmt, known, now)) {
+        let mut commands = behaviour.nmt.iter().flatten();
+        let meant = |nmt: &&Moment<NmtService>| {
+            it.nmt.as_deref() == Some(nmt.what.name()) && is_recent(nmt, known, now)
+        };
+        if let Some(nmt) = commands.find(meant) {
             return Some(Why::plain(DeviceCause::NmtCommand, nmt.frame));
         }
         let emcy = behaviour.emcy.filter(|emcy| is_recent(emcy, known, now));

@@ -31,6 +31,8 @@ pub(in crate::session) struct SetPointState {
     gates: Vec<String>,
     /// Value that waits for SYNC, and when it came.
     waiting: Option<(Value, Moment<()>)>,
+    /// The layout of its PDO is a default, or may have changed unseen.
+    assumed: bool,
 }
 
 impl SetPointState {
@@ -65,6 +67,7 @@ impl Bus {
             let value = field.data_type.number(raw);
             let Some(place) = self.set_point(id, name, meaning) else { continue };
             let Some(point) = self.set_point_mut(id, place) else { continue };
+            point.assumed = layout.assumed;
             if point.told.as_ref() == Some(&value) {
                 point.waiting = None;
             } else if waits {
@@ -98,6 +101,7 @@ impl Bus {
             effective: None,
             gates: Vec::new(),
             waiting: None,
+            assumed: false,
         });
         Some(points.len() - 1)
     }
@@ -201,7 +205,7 @@ impl SetPointState {
             from: self.told.as_ref().map(quantity),
             to: quantity(value),
             unit: self.meaning.unit.clone(),
-            assumed: self.meaning.assumed,
+            assumed: self.assumed || self.meaning.assumed,
             effective,
             gates: gates.to_vec(),
             sync_after: None,
@@ -212,7 +216,8 @@ impl SetPointState {
 /// The value as people write it, with its sign where it can have either.
 fn signed(meaning: &Meaning, value: &Value) -> String {
     let text = meaning.show(value);
-    let is_positive = meaning.scaled(value).is_some_and(|quantity| quantity > 0.0);
+    let shows = 0.5 / 10_f64.powi(i32::from(meaning.decimals));
+    let is_positive = meaning.scaled(value).is_some_and(|quantity| quantity >= shows);
     let both_ways = meaning.range.is_some_and(|[least, _]| least < 0)
         || meaning.limits.is_some_and(|[least, _]| least < 0.0);
     if is_positive && both_ways { format!("+{text}") } else { text }

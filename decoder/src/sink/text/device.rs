@@ -66,7 +66,10 @@ fn bits(bits: &BitsChanged) -> Said {
 fn set_point(point: &SetPoint) -> Said {
     let name = point.short.as_deref().unwrap_or(&point.signal);
     let assumed = if point.assumed { "?" } else { "" };
-    let mut what = format!("{}{name} ", channel(point.channel));
+    // A short name such as c1 tells the channel already.
+    let channel = channel(point.channel);
+    let channel = if channel.trim_end() == name { "" } else { &channel };
+    let mut what = format!("{channel}{name} ");
     if let Some(from) = point.from.as_ref().filter(|from| from.text != point.to.text) {
         let both = point.from.as_ref().is_some_and(|from| from.number.is_some()) && point.to.number.is_some();
         let unit = format!(" {}", point.unit);
