@@ -211,11 +211,10 @@ impl Bus {
         node.behaviour.boot = Some(Moment { what: (), frame: frame.number, time });
         node.behaviour.running.clear();
         node.behaviour.set_points.clear();
-        let device = Arc::clone(&node.device);
-        let keeps = |object: &ObjectAddress| {
-            device.machines.iter().any(|machine| machine.status.object.object == *object)
-        };
-        node.behaviour.words.retain(|(object, _)| keeps(object));
+        node.behaviour.words.clear();
+        for machine in &mut node.behaviour.machines {
+            machine.is_old = true;
+        }
     }
 
     /// A transfer of an object is complete.

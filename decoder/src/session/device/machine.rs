@@ -21,6 +21,8 @@ const STEPS: usize = 8;
 pub(in crate::session) struct MachineState {
     /// Place of the reported state.
     state: Option<u8>,
+    /// Reported before the node's last start.
+    pub(super) is_old: bool,
     /// Frame of the last change of state.
     frame: u64,
     /// Slot of the RPDO that carries its control word.
@@ -102,7 +104,11 @@ impl Bus {
         let number = number.and_then(|number| u8::try_from(number).ok());
         let now = self.clock.now();
         let Some(known) = self.machine_mut(changed.id, place) else { return };
+        let was_old = std::mem::take(&mut known.is_old);
         if known.state == number {
+            if was_old {
+                self.reassess(changed.id, frame, out);
+            }
             return;
         }
         let known = known.clone();
@@ -188,7 +194,8 @@ impl Bus {
 impl Node {
     /// The state a machine reports.
     pub(super) fn reported_state(&self, place: usize) -> Option<&State> {
-        let state = self.behaviour.machines.get(place)?.state?;
+        let known = self.behaviour.machines.get(place).filter(|known| !known.is_old)?;
+        let state = known.state?;
         self.device.machines.get(place)?.states.get(usize::from(state))
     }
 
