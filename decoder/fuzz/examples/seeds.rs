@@ -19,6 +19,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         return Err("usage: seeds FIXTURES CORPUS".into());
     };
     let mut files = Vec::new();
+    list(&fixtures.join("../decoder/profiles/vendor"), &mut files)?;
+    for path in files.drain(..) {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        put(&corpus, "profile", &name, &fs::read(&path)?)?;
+    }
     list(&fixtures, &mut files)?;
     for path in files {
         let bytes = fs::read(&path)?;
@@ -43,7 +48,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         frames.truncate(FRAMES);
         for (part, frames) in frames.chunks(FRAMES_A_SEED).enumerate() {
-            put(&corpus, "session", &format!("{name}.{part}"), &encode(frames))?;
+            for target in ["session", "devices"] {
+                put(&corpus, target, &format!("{name}.{part}"), &encode(frames))?;
+            }
         }
         for frame in &frames {
             payload(&corpus, frame)?;

@@ -15,13 +15,15 @@
 pub mod device_file;
 pub mod observe;
 pub mod pipeline;
+pub mod profile;
 pub mod reader;
 pub mod session;
 pub mod wire;
 
 pub use device_file::device_file;
 pub use pipeline::any;
-pub use session::session;
+pub use profile::profile;
+pub use session::{devices, session};
 pub use wire::{emcy, error_control, error_frame, lss, nmt, sdo, sync, time};
 
 /// A target: its name and its function.
@@ -44,7 +46,9 @@ pub const TARGETS: &[Target] = &[
     ("lss", lss),
     ("error_frame", error_frame),
     ("session", session),
+    ("devices", devices),
     ("device_file", device_file),
+    ("profile", profile),
 ];
 
 /// The candump reader.

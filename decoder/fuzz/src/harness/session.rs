@@ -11,10 +11,13 @@
 //! data        as many bytes, none of a remote frame
 //! ```
 
+use std::sync::OnceLock;
+
 use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags, Timestamp};
-use cobscope_decoder::session::{ProtocolChoice, SessionOptions};
+use cobscope_decoder::profile::Catalogue;
+use cobscope_decoder::session::{AssignedBy, Assignment, ProtocolChoice, SessionOptions};
 
 use super::observe::Checker;
 
@@ -27,8 +30,36 @@ const START: i64 = 1_700_000_000_000_000_000;
 const FLAGS: [(u8, FrameFlags); 3] =
     [(1 << 3, FrameFlags::REMOTE), (1 << 4, FrameFlags::ERROR), (1 << 5, FrameFlags::FD)];
 
+/// Profiles of the nodes of `devices`.
+const DEVICES: [(u8, &str); 6] = [
+    (1, "wandfluh-md2:amplifier"),
+    (2, "rexroth-sydfec"),
+    (3, "wandfluh-md2:controller"),
+    (5, "rexroth-ifb-iac"),
+    (32, "danfoss-pve-ci"),
+    (63, "rexroth-vpcd"),
+];
+
 /// Frames made of bytes, through the decoder and all sinks; then again from a checkpoint.
 pub fn session(data: &[u8]) {
+    checked(data, &SessionOptions::default());
+}
+
+/// The same with nodes whose devices are known.
+pub fn devices(data: &[u8]) {
+    static OPTIONS: OnceLock<SessionOptions> = OnceLock::new();
+    let options = OPTIONS.get_or_init(|| {
+        let catalogue = Catalogue::default();
+        let assign = |(node, id)| {
+            let device = catalogue.device(id).unwrap();
+            Assignment { bus: None, node, device, by: AssignedBy::Option }
+        };
+        SessionOptions { assignments: DEVICES.map(assign).into(), ..SessionOptions::default() }
+    });
+    checked(data, options);
+}
+
+fn checked(data: &[u8], given: &SessionOptions) {
     let Some((options, rest)) = data.split_first() else { return };
     let frames = frames(rest);
     let mut names = BusNames::default();
@@ -40,7 +71,7 @@ pub fn session(data: &[u8]) {
         3 => ProtocolChoice::None,
         _ => ProtocolChoice::Canopen,
     };
-    let mut decoder = Decoder::new(SessionOptions { protocol, ..SessionOptions::default() });
+    let mut decoder = Decoder::new(SessionOptions { protocol, ..given.clone() });
     let place = frames.len() * usize::from(options >> 2) / 64;
     let (before, after) = frames.split_at(place);
     push(&mut decoder, before, &names, &mut Checker::new());

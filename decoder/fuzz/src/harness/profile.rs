@@ -1,0 +1,44 @@
+//! Profiles: whatever a text says, it is read or refused with a place; what was read can be asked.
+
+use std::sync::Arc;
+
+use cobscope_decoder::profile::device::ProfileFile;
+use cobscope_decoder::profile::{NothingKnown, Resolver, check, plain_device};
+use cobscope_decoder::wire::canopen::ObjectAddress;
+
+/// Objects asked for in one profile.
+const ASKED: usize = 4096;
+
+/// A profile.
+pub fn profile(data: &[u8]) {
+    let Ok(text) = std::str::from_utf8(data) else { return };
+    let lines = text.matches('\n').count() + 1;
+    let file = match ProfileFile::parse(text) {
+        Ok(file) => file,
+        Err(errors) => {
+            assert!(!errors.is_empty());
+            for error in errors {
+                assert!((1..=lines).contains(&error.line), "{error}");
+                assert!(!error.show("f").contains('\x1b'));
+            }
+            return;
+        }
+    };
+    let variants = file.variants().iter().map(|variant| Some(variant.id.as_str()));
+    for variant in variants.chain([None]).take(3) {
+        let device = file.device(variant, &[Arc::clone(plain_device())]);
+        for error in check(text, &file, &device) {
+            assert!((1..=lines).contains(&error.line), "{error}");
+        }
+        let mut resolver = Resolver::new(&device.dictionary, &NothingKnown);
+        for object in device.dictionary.own().iter().take(ASKED) {
+            for entry in &object.entries {
+                let address = ObjectAddress::new(object.index, entry.sub);
+                let meaning = resolver.meaning(address).unwrap();
+                let value = meaning.decode(&[0x80, 0xFF, 0x7F, 0x01]);
+                assert!(!meaning.show(&value).is_empty() || value.to_string().is_empty());
+                meaning.is_outside(&value);
+            }
+        }
+    }
+}
