@@ -18,6 +18,8 @@ pub fn run(arguments: &[&str], input: &str) -> Output {
         .args(arguments)
         .current_dir(workspace())
         .env_remove("NO_COLOR")
+        // No profiles of who runs the tests.
+        .env("XDG_CONFIG_HOME", concat!(env!("CARGO_TARGET_TMPDIR"), "/no-config"))
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())

@@ -1,5 +1,9 @@
 //! `cobscope explain`.
 
+use std::collections::{BTreeMap, BTreeSet};
+
+use cobscope_decoder::profile::Catalogue;
+
 use crate::cli::run;
 
 fn explain(thing: &str) -> String {
@@ -39,4 +43,191 @@ fn anything_else_says_what_is_understood() {
     assert_eq!(output.code, 2);
     assert!(output.stderr.contains("cannot read \"pump\"") && output.stderr.contains("1018sub1"));
     assert_eq!(run(&["explain", "12345#00"], "").code, 2);
+}
+
+fn by(device: &str, thing: &str) -> String {
+    let output = run(&["explain", thing, "--device", device], "");
+    assert_eq!(output.code, 0, "{thing}: {}", output.stderr);
+    output.stdout
+}
+
+#[test]
+fn an_error_code_by_the_manual() {
+    // RE 30027-Z, 12 and 14.3: 8102, register 10, pre-operational; 5C00:00 = 0 sends 81 before 02.
+    let expected = "\
+8102  EMCY error code of SYDFEC: life guarding: master silent
+      register     10 (communication)
+      reaction     to NMT pre-operational
+      check        the master stopped guarding
+                   guard time × life time factor too short for the master's cycle
+                   requests lost on a loaded or disturbed bus
+      sent as      81 02: most significant byte first (5C00:00 EMCY byte order = 0, as delivered); a tool that expects
+                   the order of CiA 301 shows 0281
+      CiA 301      communication: Check wiring, termination and error frames around this time.
+      section      12, 14.3.1.1 of RE 30027-Z/11.06
+";
+    assert_eq!(by("rexroth-sydfec", "8102"), expected);
+    // 5230 is no code of SYDFEC, 8120 none either but one of CiA 301.
+    let other = by("rexroth-sydfec", "8120");
+    assert!(other.starts_with("8120  EMCY error code: not in the manual of SYDFEC\n"), "{other}");
+    assert!(other.contains("CiA 301      CAN error passive: "), "{other}");
+    // The MD2 sends the least significant byte first, as CiA 301 wants it: nothing to say.
+    assert!(!by("wandfluh-md2", "2311").contains("sent as"));
+}
+
+#[test]
+fn a_code_read_in_the_wrong_order_is_recognised() {
+    for output in [explain("0281"), by("rexroth-sydfec", "0281")] {
+        assert!(
+            output.contains("8102 life guarding: master silent: sent most significant byte first"),
+            "{output}"
+        );
+    }
+    // 0010 is the general error 1000 of three manuals swapped, but they send it the right way round.
+    assert!(!explain("0010").contains("1000"));
+}
+
+#[test]
+fn without_a_device_every_manual_answers() {
+    let output = explain("8102");
+    assert!(output.contains("rexroth-sydfec: life guarding: master silent  [12, 14.3.1.1]\n"), "{output}");
+    assert!(!output.contains("danfoss"), "{output}");
+    let output = explain("08000022");
+    for line in ["rexroth-sydfec: service error", "wandfluh-md2: 6043:00, 6843:00"] {
+        assert!(output.contains(line), "{output}");
+    }
+    // Objects: nominal pressure of SYDFEC; only the controller has 6601.
+    assert!(
+        explain("5208:02").contains("rexroth-sydfec: Command values, Nominal pressure, UNSIGNED16 rw, bar")
+    );
+    assert!(explain("6601:01").contains("wandfluh-md2:controller: Position actual value 1, INTEGER32 ro"));
+}
+
+#[test]
+fn an_abort_code_by_the_manual() {
+    let output = by("rexroth-sydfec", "06060000");
+    assert!(output.starts_with("06060000  SDO abort code of SYDFEC: EEPROM loading error\n"), "{output}");
+    assert!(output.contains("CiA 301      hardware error: "), "{output}");
+    assert!(output.ends_with("section      11.3.1 of RE 30027-Z/11.06\n"), "{output}");
+    let output = by("wandfluh-md2", "060A0023");
+    assert!(
+        output.contains(
+            "of objects   100C:00, 100D:00: heartbeat is on: set 1017 to 0 first  [5.4.8, 5.4.9]\n"
+        )
+    );
+    assert!(
+        by("danfoss-pve-ci", "06020000").starts_with("06020000  SDO abort code: not in the manual of PVEA\n")
+    );
+}
+
+#[test]
+fn an_object_by_the_manual() {
+    // RE 30027-Z, 10.4.1: 0 to 3FFF is 0 bar to the nominal pressure, 315 bar as delivered.
+    let expected = "\
+503A:00  object of SYDFEC: Pressure set point
+         type         INTEGER16 ro
+         role         set point
+         unit         bar = raw × 5208:02 / 16383
+                      5208:02 Command values, Nominal pressure, 315 bar as delivered
+         range        0.0 to 315.0 bar, raw 0 to 16383
+         storage      lost at reset
+         section      10.4.1 of RE 30027-Z/11.06
+";
+    assert_eq!(by("rexroth-sydfec", "503A"), expected);
+    // MD2 5.4.26: control mode of channel 2 at 6043 + 800; kept in group 3.
+    let mode = by("wandfluh-md2", "6843:00");
+    for line in [
+        "values       -8  3-point, 2 solenoids\n",
+        "channel      2, one of 8: 6043:00…9843:00\n",
+        "storage      kept after a save by 1010:03\n",
+        "standard     Control mode, INTEGER8 rw",
+    ] {
+        assert!(mode.contains(line), "{line}\n{mode}");
+    }
+    // IFB/IAC 6.3: 6300:01 is a flow with 6043 = -3.
+    let set_point = by("rexroth-ifb-iac", "6300:01");
+    let line = "6043:00 = -3 (pQ, Q closed loop): Flow set point, l/min = raw × 0.1, -1638.4 to 1638.4 l/min";
+    assert!(set_point.contains(line), "{set_point}");
+    // VPCD 4.42: the low byte is a number, bits 8 to 15 are flags.
+    let status = by("rexroth-vpcd", "2C68:00");
+    assert!(status.contains("0-7    fault: 0 = none") && status.contains("8      error 1\n"), "{status}");
+    // Not in the manual, but in CiA 301 (7.5.2.20).
+    let heartbeat = by("rexroth-sydfec", "1017:00");
+    assert!(
+        heartbeat.starts_with("1017:00  object of CiA 301, not in the manual of SYDFEC: "),
+        "{heartbeat}"
+    );
+    assert!(heartbeat.ends_with("section      7.5.2.20 of CiA 301 v4.2.0\n"), "{heartbeat}");
+}
+
+#[test]
+fn an_index_alone_lists_its_entries() {
+    let expected = "\
+5208  object of SYDFEC: Command values
+      5208:01  Command values, Command value source, UNSIGNED16 rw, 4 values, default CAN bus (0)  [17.1, 17.2]
+      5208:02  Command values, Nominal pressure, UNSIGNED16 rw, bar, 1 to 450 bar, default 315 bar  [17.1, 17.2]
+";
+    assert_eq!(by("rexroth-sydfec", "5208"), expected);
+    let none = by("wandfluh-md2", "1018:07");
+    assert!(none.contains("Identity object, without this sub-index") && none.contains("1018:04"), "{none}");
+}
+
+#[test]
+fn a_frame_of_the_device() {
+    // 08: pressure control; 1FA0 = 8096 of 16383 = 49.4 %; 2000 = 8192 of 16383 × 315 bar = 157.5 bar.
+    let output = by("rexroth-sydfec", "182#08A01F0020");
+    for line in ["signals.value: 49.417", "signals.value: 157.509", "signals.bits: pressure-control"] {
+        assert!(output.contains(line), "{line}\n{output}");
+    }
+    let emcy = by("rexroth-sydfec", "082#8102100000000000");
+    assert!(emcy.contains("8102  EMCY error code of SYDFEC: life guarding: master silent\n"), "{emcy}");
+    assert!(explain("082#8102100000000000").contains("rexroth-sydfec: swapped, 8102"));
+    let abort = by("rexroth-sydfec", "582#8000100000000606");
+    assert!(abort.contains("06060000  SDO abort code of SYDFEC: EEPROM loading error"), "{abort}");
+    // Whichever node it is: 300 + 5 is its RPDO2, 700 + 5 its guarding.
+    assert!(by("rexroth-sydfec", "305#01000000").contains("RPDO2 data"));
+    assert_eq!(run(&["explain", "705#05", "--device", "rexroth-sydfec"], "").code, 0);
+}
+
+#[test]
+fn a_device_that_is_not_there() {
+    let output = run(&["explain", "8102", "--device", "sydfec"], "");
+    assert_eq!(output.code, 2);
+    let expected =
+        "cobscope: there is no profile 'sydfec'; did you mean 'rexroth-sydfec'? (cobscope profiles list)\n";
+    assert_eq!(output.stderr, expected);
+    assert_eq!(run(&["explain", "8102", "--device", "wandfluh-md2:pump"], "").code, 2);
+}
+
+/// Text without its folding.
+fn unfolded(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[test]
+fn every_code_of_every_manual_is_explained() {
+    let catalogue = Catalogue::default();
+    let mut told: BTreeMap<String, BTreeSet<(String, String)>> = BTreeMap::new();
+    for id in catalogue.ids() {
+        let first = catalogue.device(&id).unwrap();
+        let variants: Vec<_> = first.variants.iter().map(|it| format!("{id}:{}", it.id)).collect();
+        for name in if variants.is_empty() { vec![id.clone()] } else { variants } {
+            let device = catalogue.device(&name).unwrap();
+            let codes = device.emcy.code.iter().map(|it| (format!("{:04X}", it.code), it.text.clone()));
+            let aborts = device.aborts.iter().map(|it| (format!("{:08X}", it.code), it.text.clone()));
+            for (code, text) in codes.chain(aborts) {
+                let output = unfolded(&by(&name, &code));
+                assert!(output.contains(&text), "{code} of {name}: {output}");
+                told.entry(code).or_default().insert((id.clone(), text));
+            }
+        }
+    }
+    assert!(told.len() > 60, "{}", told.len());
+    for (code, answers) in told {
+        let output = unfolded(&explain(&code));
+        for (id, text) in answers {
+            let line = output.split(&format!("{id}: ")).nth(1).unwrap_or_default();
+            assert!(line.contains(&text), "{code} of {id}: {output}");
+        }
+    }
 }

@@ -37,6 +37,12 @@ pub enum Command {
     Explain {
         /// What to explain
         thing: String,
+        /// Answer by this device's manual beside the standard: rexroth-sydfec, wandfluh-md2:controller
+        #[arg(long, value_name = "PROFILE")]
+        device: Option<String>,
+        /// Folder with profiles of your own (repeatable)
+        #[arg(long, value_name = "DIR")]
+        profiles: Vec<PathBuf>,
     },
     /// List the devices that are known, show one, check a profile
     Profiles {
@@ -68,6 +74,9 @@ pub enum ProfilesCommand {
         /// Only count what is described
         #[arg(long)]
         count: bool,
+        /// Output format
+        #[arg(short, long, value_name = "FORMAT", default_value = "text")]
+        format: PageFormat,
     },
     /// Check profiles: their grammar, ranges, references, samples
     Check {
@@ -75,6 +84,15 @@ pub enum ProfilesCommand {
         #[arg(required = true, value_name = "FILE")]
         files: Vec<PathBuf>,
     },
+}
+
+/// Formats of a device's page.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum PageFormat {
+    /// Everything, folded for a terminal
+    Text,
+    /// Tables for a document: all but the objects
+    Markdown,
 }
 
 /// How captures are read and understood.

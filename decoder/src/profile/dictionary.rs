@@ -41,8 +41,10 @@ pub struct Entry {
     pub access: Option<Access>,
     /// How people read it.
     pub format: Format,
-    pub(super) look: Look,
-    pub(super) modes: Vec<(When, Look)>,
+    /// How it is read.
+    pub look: Look,
+    /// How it is read instead, the first that fits; what one of them leaves out is as above.
+    pub modes: Vec<(When, Look)>,
     /// As delivered.
     pub default: Option<Given>,
     /// What keeps it.
@@ -101,6 +103,13 @@ impl Dictionary {
     /// Type of an address.
     pub fn data_type(&self, address: ObjectAddress) -> Option<DataType> {
         self.find(address)?.entry?.data_type
+    }
+
+    /// Whether the device's own file describes an address, not only a standard it extends.
+    pub fn is_own(&self, address: ObjectAddress) -> bool {
+        let here =
+            |object: &Object| object.nth(address.index).is_some() && object.entry(address.sub).is_some();
+        self.own().iter().any(here)
     }
 
     /// Objects of the device's own file.
@@ -177,7 +186,8 @@ impl Found<'_> {
         own.or_else(|| self.object.repeat.channel.then(of_repeat).flatten())
     }
 
-    pub(super) fn numbered(&self, name: &str) -> String {
+    /// A name with the number of the repeat in the place of `{n}`.
+    pub fn numbered(&self, name: &str) -> String {
         if name.contains("{n}") {
             name.replace("{n}", &self.object.number(self.nth).to_string())
         } else {

@@ -153,6 +153,22 @@ pub enum Role {
     Counter,
 }
 
+impl Role {
+    /// The name used in profiles.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Control => "control",
+            Self::Status => "status",
+            Self::SetPoint => "set-point",
+            Self::Actual => "actual",
+            Self::Mode => "mode",
+            Self::NodeId => "node-id",
+            Self::BitRate => "bit-rate",
+            Self::Counter => "counter",
+        }
+    }
+}
+
 /// An enumeration: raw value to its name.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
 #[serde(try_from = "BTreeMap<String, String>")]
@@ -367,17 +383,30 @@ pub enum Given {
 /// How a value is read: keys that may differ by mode.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Look {
-    pub(super) name: Option<String>,
-    pub(super) short: Option<String>,
-    pub(super) unit: Option<String>,
-    pub(super) scale: Option<Scale>,
-    pub(super) offset: Option<f64>,
-    pub(super) decimals: Option<u8>,
-    pub(super) range: Option<[i64; 2]>,
-    pub(super) limits: Option<[f64; 2]>,
-    pub(super) values: Option<Arc<Names>>,
-    pub(super) special: Option<Arc<Names>>,
-    pub(super) bits: Option<Arc<BitNames>>,
-    pub(super) role: Option<Role>,
-    pub(super) of: Option<Reference>,
+    /// Name; `{n}` stands for the number of the repeat.
+    pub name: Option<String>,
+    /// The word for it in lines.
+    pub short: Option<String>,
+    /// Unit of the scaled value.
+    pub unit: Option<String>,
+    /// Raw number to quantity.
+    pub scale: Option<Scale>,
+    /// Added after scaling.
+    pub offset: Option<f64>,
+    /// Digits after the point.
+    pub decimals: Option<u8>,
+    /// Permitted raw values.
+    pub range: Option<[i64; 2]>,
+    /// Permitted values in `unit`.
+    pub limits: Option<[f64; 2]>,
+    /// Enumeration.
+    pub values: Option<Arc<Names>>,
+    /// Raw values that are no quantity.
+    pub special: Option<Arc<Names>>,
+    /// Named bits.
+    pub bits: Option<Arc<BitNames>>,
+    /// What it is for the device.
+    pub role: Option<Role>,
+    /// Of an actual value the set point it follows.
+    pub of: Option<Reference>,
 }

@@ -1,9 +1,11 @@
 //! The subcommands, one a file.
 
 mod decode;
+mod describe;
 mod explain;
 mod input;
 mod objects;
+mod profile_markdown;
 mod profile_page;
 mod profiles;
 mod shell;
@@ -30,7 +32,7 @@ pub fn run(cli: Cli) -> Exit {
         Command::Decode(arguments) => decode::run(&arguments),
         Command::Stats(arguments) => stats::run(&arguments),
         Command::Objects(arguments) => objects::run(&arguments),
-        Command::Explain { thing } => explain::run(&thing),
+        Command::Explain { thing, device, profiles } => explain::run(&thing, device.as_deref(), &profiles),
         Command::Profiles { command, profiles } => profiles::run(&command, &input::catalogue(&profiles)),
         Command::Completions { shell } => shell::completions(shell),
         Command::Man => shell::man(),

@@ -3,109 +3,144 @@
 use std::fmt::Write as _;
 
 use cobscope_decoder::profile::Device;
-use cobscope_decoder::profile::device::{Gate, Machine, PdoSpec, Procedure};
-use cobscope_decoder::profile::{NothingKnown, Object, Resolver};
+use cobscope_decoder::profile::device::{
+    AbortText, DeviceRule, ErrorCode, Gate, Machine, Masked, PdoSpec, Procedure,
+};
 use cobscope_decoder::sink::escape;
-use cobscope_decoder::wire::canopen::ObjectAddress;
+
+use super::describe::{behaviour, fold, object, section as cite};
 
 /// Everything the profile says, in short.
 pub(super) fn page(device: &Device) -> String {
     let mut text = String::new();
-    let _ = writeln!(text, "{}  {}", device.full_id, escape(&device.title));
+    let _ = writeln!(text, "{}  {}", escape(&device.full_id), escape(&device.title));
     let _ = writeln!(text, "{}: {}", escape(&device.vendor), escape(&device.description));
     let _ = writeln!(text, "after {}", escape(&device.source));
+    if !device.note.is_empty() {
+        fold(&mut text, "note: ", &device.note, 6);
+    }
     section(&mut text, "Variants", device.variants.iter().map(|it| format!("{:<12} {}", it.id, it.title)));
-    section(&mut text, "PDOs", device.pdos.iter().map(|pdo| pdo_line(device, pdo)));
-    section(&mut text, "State machine", device.machines.first().map(machine_line).into_iter());
-    section(&mut text, "Gates of set points", device.gates.iter().filter(|it| is_first(it)).map(gate_line));
+    section(&mut text, "PDOs", device.pdos.iter().map(|it| pdo_line(device, it)));
+    for machine in behaviour::first_machines(device) {
+        let title = format!("State machine \"{}\"{}", machine.name, behaviour::channels(device));
+        section(&mut text, &title, machine_lines(machine));
+    }
+    section(&mut text, "Gates of set points", behaviour::first_gates(device).map(|it| gate_line(device, it)));
     section(&mut text, "Procedures", device.procedures.iter().map(procedure_line));
-    let emcy = device.emcy.code.iter().map(|it| format!("{:04X}  {}  [{}]", it.code, it.text, it.source));
-    section(&mut text, "EMCY codes", emcy);
-    let aborts = device.aborts.iter().map(|it| format!("{:08X}  {}  [{}]", it.code, it.text, it.source));
-    section(&mut text, "SDO abort codes", aborts);
-    let rules = device.rules.iter().map(|it| format!("{}: {}  [{}]", it.name, it.text, it.source));
-    section(&mut text, "Statements a capture can violate", rules);
-    let waivers = device.waivers.iter().map(|it| format!("{}: {}  [{}]", it.rule, it.text, it.source));
+    section(&mut text, "EMCY codes", device.emcy.code.iter().map(emcy_line));
+    section(&mut text, "SDO abort codes", device.aborts.iter().map(abort_line));
+    section(&mut text, "Statements a capture can violate", rules(&device.rules).into_iter().map(rule_line));
+    let waivers = device.waivers.iter().map(|it| format!("{}: {}  {}", it.rule, it.text, cite(&it.source)));
     section(&mut text, "Waived rules", waivers);
-    section(&mut text, "Objects", device.dictionary.own().iter().flat_map(|it| object_lines(device, it)));
+    let entries =
+        device.dictionary.own().iter().flat_map(|it| it.entries.iter().map(move |entry| (it, entry)));
+    section(&mut text, "Objects", entries.flat_map(|(it, entry)| object::lines(device, it, entry, None)));
     text
 }
 
-fn section(text: &mut String, title: &str, lines: impl Iterator<Item = String>) {
-    let mut lines = lines.peekable();
+fn section(text: &mut String, title: &str, lines: impl IntoIterator<Item = String>) {
+    let mut lines = lines.into_iter().peekable();
     if lines.peek().is_none() {
         return;
     }
     let _ = writeln!(text, "\n{title}");
     for line in lines {
-        let _ = writeln!(text, "  {}", escape(&line));
+        let shown = line.trim_start();
+        let indent = line.len() - shown.len() + 2;
+        fold(text, &" ".repeat(indent), shown, indent + 4);
     }
 }
 
 fn pdo_line(device: &Device, pdo: &PdoSpec) -> String {
-    let name = |object: ObjectAddress| {
-        let found = device.dictionary.find(object);
-        found.map_or_else(|| object.to_string(), |found| format!("{object} {}", found.name()))
-    };
-    let fields: Vec<_> = pdo
-        .fields
-        .iter()
-        .map(|field| match field.object {
-            Some(object) => format!("{} ({} bit)", name(object.object), field.bits),
-            None => format!("{} bit free", field.bits),
-        })
-        .collect();
-    let when = pdo.when.as_ref().map_or(String::new(), |when| format!(" when {} fits", when.object.object));
-    format!("{}{when}: {}  [{}]", pdo.pdo, fields.join(", "), pdo.source)
+    let (name, contents) = (behaviour::pdo_name(device, pdo), behaviour::pdo_contents(device, pdo));
+    format!("{name}: {contents}  {}", cite(&pdo.source))
 }
 
-fn machine_line(machine: &Machine) -> String {
-    let states: Vec<_> = machine.states.iter().map(|state| state.name.as_str()).collect();
-    format!(
-        "{} in {}: {}  [{}]",
-        machine.name,
-        machine.status.object.object,
-        states.join(", "),
-        machine.source
-    )
+fn machine_lines(machine: &Machine) -> Vec<String> {
+    let word = |part: &str, word: Masked| format!("{part} in {}, bits {:02X}", word.object.object, word.mask);
+    let head = format!(
+        "{}; {}  {}",
+        word("state", machine.status),
+        word("commands", machine.control),
+        cite(&machine.source)
+    );
+    let states = machine.states.iter().map(|state| {
+        let word = behaviour::state_word(state);
+        let word = if word.is_empty() { String::new() } else { format!(", {word}") };
+        format!("{}: {}{word}", behaviour::state_bits(machine, state), state.name)
+    });
+    let transitions = machine.transitions.iter().map(behaviour::transition);
+    std::iter::once(head).chain(states).chain(transitions).chain(behaviour::forced(machine)).collect()
 }
 
-/// Gates of further channels say the same again.
-fn is_first(gate: &Gate) -> bool {
-    gate.channel.is_none_or(|channel| channel == 1)
-}
-
-fn gate_line(gate: &Gate) -> String {
-    let text = if gate.text.is_empty() { String::new() } else { format!(": {}", gate.text) };
-    format!("{}{text}  [{}]", gate.name, gate.source)
+fn gate_line(device: &Device, gate: &Gate) -> String {
+    let of = behaviour::gate_for(device, gate);
+    let of = if of.is_empty() { of } else { format!(" ({of})") };
+    let text = if gate.text.is_empty() { String::new() } else { format!("; {}", gate.text) };
+    format!("{}{of}: {}{text}  {}", gate.name, behaviour::gate_open(device, gate), cite(&gate.source))
 }
 
 fn procedure_line(procedure: &Procedure) -> String {
-    let time = procedure.seconds.map_or(String::new(), |seconds| format!(", about {seconds} s"));
-    format!("{}{time}  [{}]", procedure.name, procedure.source)
+    let facts = behaviour::procedure_facts(procedure).join("; ");
+    format!("{}: {facts}  {}", procedure.name, cite(&procedure.source))
 }
 
-fn object_lines(device: &Device, object: &Object) -> Vec<String> {
-    let repeats = match object.repeat.count {
-        1 => String::new(),
-        count => format!(" (× {count}, each +{:X}h)", object.repeat.stride),
-    };
-    let mut resolver = Resolver::new(&device.dictionary, &NothingKnown);
-    let entries = object.entries.iter().filter_map(|entry| {
-        let address = ObjectAddress::new(object.index, entry.sub);
-        let meaning = resolver.meaning(address)?;
-        let mut line = format!("{address}{repeats}  {}", meaning.name);
-        if let Some(data_type) = entry.data_type {
-            let _ = write!(line, ", {}", data_type.name());
+fn emcy_line(error: &ErrorCode) -> String {
+    let register = error.register.filter(|register| *register != 0);
+    let register = register.map(|register| format!(", register {}", behaviour::register(register)));
+    let reaction = behaviour::reaction(error);
+    let reaction = if reaction.is_empty() { reaction } else { format!(" → {reaction}") };
+    format!(
+        "{:04X}  {}{}{reaction}  {}",
+        error.code,
+        error.text,
+        register.unwrap_or_default(),
+        cite(&error.source)
+    )
+}
+
+fn abort_line(abort: &AbortText) -> String {
+    let objects: Vec<_> = abort.objects.iter().map(ToString::to_string).collect();
+    let of = if objects.is_empty() { String::new() } else { format!(" (of {})", objects.join(", ")) };
+    format!("{:08X}  {}{of}  {}", abort.code, abort.text, cite(&abort.source))
+}
+
+fn rule_line((name, rule): (String, &DeviceRule)) -> String {
+    format!("{name}: {}  ({})  {}", rule.text, rule.severity.name(), cite(&rule.source))
+}
+
+/// Statements by name; neighbours that differ in a number only are one.
+pub(super) fn rules(rules: &[DeviceRule]) -> Vec<(String, &DeviceRule)> {
+    let mut groups: Vec<(String, &DeviceRule, Vec<u32>)> = Vec::new();
+    for rule in rules {
+        let (pattern, number) = pattern(&rule.name);
+        let alike = |(known, first, _): &&mut (String, &DeviceRule, Vec<u32>)| {
+            let same =
+                (&first.text, first.severity, &first.source) == (&rule.text, rule.severity, &rule.source);
+            *known == pattern && same
+        };
+        match groups.last_mut().filter(alike) {
+            Some((.., numbers)) => numbers.extend(number),
+            None => groups.push((pattern, rule, number.into_iter().collect())),
         }
-        if let Some(access) = entry.access {
-            let _ = write!(line, " {}", access.name());
-        }
-        if !meaning.unit.is_empty() {
-            let _ = write!(line, ", {}", meaning.unit);
-        }
-        let _ = write!(line, "  [{}]", entry.source);
-        Some(line)
-    });
-    entries.collect()
+    }
+    groups.into_iter().map(|(pattern, rule, numbers)| (pattern.replace('#', &list(&numbers)), rule)).collect()
+}
+
+/// A name with `#` in the place of its numbers, and the number, if it is always the same.
+fn pattern(name: &str) -> (String, Option<u32>) {
+    let mut numbers: Vec<u32> =
+        name.split(|c: char| !c.is_ascii_digit()).filter_map(|digits| digits.parse().ok()).collect();
+    numbers.dedup();
+    let &[number] = numbers.as_slice() else { return (name.to_owned(), None) };
+    (name.replace(&number.to_string(), "#"), Some(number))
+}
+
+/// `1…8`, `1,3,4`.
+fn list(numbers: &[u32]) -> String {
+    let (first, last) = (numbers.first().copied().unwrap_or(0), numbers.last().copied().unwrap_or(0));
+    if numbers.len() > 2 && (first..=last).eq(numbers.iter().copied()) {
+        return format!("{first}…{last}");
+    }
+    numbers.iter().map(u32::to_string).collect::<Vec<_>>().join(",")
 }

@@ -8,14 +8,20 @@ use cobscope_decoder::profile::device::ProfileFile;
 use cobscope_decoder::profile::{Catalogue, Device, ProfileError, check};
 use cobscope_decoder::sink::escape;
 
-use crate::cli::ProfilesCommand;
+use super::profile_markdown::markdown;
+use super::profile_page::page;
+use crate::cli::{PageFormat, ProfilesCommand};
 use crate::exit_code::Exit;
 
 /// Runs the command.
 pub fn run(command: &ProfilesCommand, catalogue: &Catalogue) -> Exit {
     match command {
         ProfilesCommand::List => list(catalogue),
-        ProfilesCommand::Show { profile, count } => show(catalogue, profile, *count),
+        ProfilesCommand::Show { profile, count: true, .. } => show(catalogue, profile, counted),
+        ProfilesCommand::Show { profile, format: PageFormat::Text, .. } => show(catalogue, profile, page),
+        ProfilesCommand::Show { profile, format: PageFormat::Markdown, .. } => {
+            show(catalogue, profile, markdown)
+        }
         ProfilesCommand::Check { files } => check_files(files),
     }
 }
@@ -38,10 +44,11 @@ fn list(catalogue: &Catalogue) -> Exit {
             Ok(device) => {
                 let _ =
                     writeln!(text, "{id:<24} {:<10} {}", escape(&device.title), escape(&device.description));
-                for variant in &device.variants {
+                for (place, variant) in device.variants.iter().enumerate() {
                     let title = if variant.title.is_empty() { &device.title } else { &variant.title };
                     let name = format!("{id}:{}", variant.id);
-                    let _ = writeln!(text, "  {name:<24} {}", escape(title));
+                    let default = if place == 0 { " (unless another is named)" } else { "" };
+                    let _ = writeln!(text, "  {name:<24} {}{default}", escape(title));
                 }
                 if let Some(origin) = catalogue.brought(&id) {
                     let _ = writeln!(text, "  from {}", escape(origin));
@@ -57,10 +64,9 @@ fn list(catalogue: &Catalogue) -> Exit {
     exit
 }
 
-fn show(catalogue: &Catalogue, profile: &str, count: bool) -> Exit {
+fn show(catalogue: &Catalogue, profile: &str, shown: impl Fn(&Device) -> String) -> Exit {
     match catalogue.device(profile) {
-        Ok(device) if count => print(&counts(&device)),
-        Ok(device) => print(&super::profile_page::page(&device)),
+        Ok(device) => print(&shown(&device)),
         Err(error @ ProfileError::Broken { .. }) => {
             complain(&error.to_string());
             return Exit::Profile;
@@ -74,10 +80,10 @@ fn show(catalogue: &Catalogue, profile: &str, count: bool) -> Exit {
 }
 
 /// How much of a device is described.
-fn counts(device: &Device) -> String {
+pub(super) fn counts(device: &Device) -> [(&'static str, usize); 12] {
     let fields = device.pdos.iter().map(|pdo| pdo.fields.len()).sum::<usize>();
     let states = device.machines.iter().map(|machine| machine.states.len()).sum::<usize>();
-    let rows = [
+    [
         ("object entries", device.object_count()),
         ("EMCY codes", device.emcy.code.len()),
         ("abort codes", device.aborts.len()),
@@ -90,9 +96,12 @@ fn counts(device: &Device) -> String {
         ("rules", device.rules.len()),
         ("waivers", device.waivers.len()),
         ("samples", device.samples.len()),
-    ];
+    ]
+}
+
+fn counted(device: &Device) -> String {
     let mut text = format!("{}\n", device.full_id);
-    for (name, number) in rows {
+    for (name, number) in counts(device) {
         let _ = writeln!(text, "  {name:<16} {number}");
     }
     text

@@ -100,6 +100,10 @@ pub struct Device {
     pub description: String,
     /// The document.
     pub source: String,
+    /// What holds for the device as a whole: an assumption or a defect of the manual.
+    pub note: String,
+    /// Ids of the standards it extends.
+    pub extends: Vec<String>,
     /// All variants.
     pub variants: Vec<Variant>,
     /// What assigns it.
@@ -223,6 +227,8 @@ impl ProfileFile {
             vendor: file.vendor.clone(),
             description: file.description.clone(),
             source: file.source.clone(),
+            note: file.note.clone(),
+            extends: self.extends().map(|(name, _)| name.to_owned()).collect(),
             variants: file.variant.clone(),
             identities: file.identity.clone(),
             hints: file.hint.clone(),

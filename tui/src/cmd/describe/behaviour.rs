@@ -1,0 +1,236 @@
+//! What a profile says of a device's behaviour, in words: PDOs, states, gates, procedures, errors.
+
+use std::fmt::Write as _;
+
+use cobscope_decoder::profile::device::{
+    Condition, ErrorCode, Gate, Machine, Mapping, NmtName, Otherwise, PdoSpec, Procedure, State, Transition,
+    Trigger, Wanted,
+};
+use cobscope_decoder::profile::object::Numbers;
+use cobscope_decoder::profile::{self, Device};
+
+use super::object::{equals, named, plain, when};
+
+/// Name of an NMT state.
+pub(in crate::cmd) fn nmt(name: NmtName) -> &'static str {
+    name.state().name()
+}
+
+/// Something that must hold.
+pub(in crate::cmd) fn condition(device: &Device, condition: &Condition) -> String {
+    match condition {
+        Condition::Nmt(state) => format!("NMT {}", nmt(*state)),
+        Condition::Object { object, mask, values, negated } => {
+            let sign = if *negated { "≠" } else { "=" };
+            if *mask == u64::MAX {
+                return equals(device, object.object, values, sign);
+            }
+            let list: Vec<_> = match values {
+                Numbers::One(one) => vec![format!("{one:02X}h")],
+                Numbers::Any(any) => any.iter().map(|number| format!("{number:02X}h")).collect(),
+            };
+            format!("{} & {mask:02X}h {sign} {}", object.object, list.join(" or "))
+        }
+        Condition::State(states) => format!("state {}", states.join(" or ")),
+        Condition::Sync => "SYNC with the node's own identifier comes".into(),
+        Condition::NoError => "no error is active".into(),
+        Condition::NoProcedure => "no procedure runs that takes over".into(),
+        Condition::Younger(ms) => format!("the previous PDO is at most {ms} ms old"),
+        Condition::Invisible => "never visible on the bus".into(),
+    }
+}
+
+/// Something that happens.
+pub(in crate::cmd) fn trigger(trigger: &Trigger) -> String {
+    let of = |wanted: &Option<Wanted>| match wanted {
+        None => String::new(),
+        Some(Wanted::Text(text)) => format!(" of \"{text}\""),
+        Some(Wanted::Numbers(Numbers::One(one))) => format!(" of {}", plain(*one)),
+        Some(Wanted::Numbers(Numbers::Any(any))) => {
+            format!(" of {}", any.iter().map(|one| plain(*one)).collect::<Vec<_>>().join(" or "))
+        }
+    };
+    match trigger {
+        Trigger::Write(object, value) => format!("a write{} to {}", of(value), object.object),
+        Trigger::Read(object, value) => format!("a read{} from {}", of(value), object.object),
+        Trigger::Bit(bit, becomes) => {
+            format!("bit {} of {} going to {}", bit.bit, bit.object.object, u8::from(*becomes))
+        }
+        Trigger::Pdo(pdo) => pdo.to_string(),
+        Trigger::Nmt(command) => format!("NMT {}", super::spaced(command)),
+        Trigger::State(states) => format!("state {}", states.join(" or ")),
+        Trigger::Sync => "SYNC".into(),
+        Trigger::Emcy(code) => format!("EMCY {code:04X}"),
+        Trigger::Boot => "its start".into(),
+    }
+}
+
+/// `RPDO1 if 6043:00 = -3 (pQ)`.
+pub(in crate::cmd) fn pdo_name(device: &Device, pdo: &PdoSpec) -> String {
+    let condition = pdo.when.as_ref().map(|it| format!(" if {}", when(device, it, it.object.object)));
+    format!("{}{}", pdo.pdo, condition.unwrap_or_default())
+}
+
+/// `6040:00 Control word (16 bit), 6300:01 Set point (16 bit)`.
+pub(in crate::cmd) fn pdo_contents(device: &Device, pdo: &PdoSpec) -> String {
+    if pdo.fields.is_empty() {
+        return match pdo.mapping {
+            Mapping::BusFile => {
+                let name = pdo.pdo.to_string();
+                let area = device.areas.iter().find(|area| area.pdos.contains(&name));
+                let key = area.map_or("bus file", |area| area.name.as_str());
+                format!("set in the maker's tool: {key} in the bus file")
+            }
+            Mapping::Fixed | Mapping::Default => "contents not in the manual".into(),
+        };
+    }
+    let fields = pdo.fields.iter().map(|field| match field.object {
+        Some(object) => format!("{} ({} bit)", named(device, object.object), field.bits),
+        None => format!("{} bit free", field.bits),
+    });
+    fields.collect::<Vec<_>>().join(", ")
+}
+
+/// `fixed`, `default`, `bus file`.
+pub(in crate::cmd) const fn mapping(mapping: Mapping) -> &'static str {
+    match mapping {
+        Mapping::Fixed => "fixed",
+        Mapping::Default => "default",
+        Mapping::BusFile => "bus file",
+    }
+}
+
+/// The machines of one channel: those of the others are alike.
+pub(in crate::cmd) fn first_machines(device: &Device) -> impl Iterator<Item = &Machine> {
+    device.machines.iter().filter(|machine| machine.channel.is_none_or(|channel| channel == 1))
+}
+
+/// ` of each of 8 channels`.
+pub(in crate::cmd) fn channels(device: &Device) -> String {
+    match device.machines.iter().filter_map(|machine| machine.channel).max() {
+        Some(last) if last > 1 => format!(", one for each of {last} channels"),
+        _ => String::new(),
+    }
+}
+
+/// Bits of the status word in a state: `status & 0F = 0B`.
+pub(in crate::cmd) fn state_bits(machine: &Machine, state: &State) -> String {
+    format!("status & {:02X} = {:02X}", state.mask.unwrap_or(machine.status.mask), state.value)
+}
+
+/// ` fault`, ` set points act`.
+pub(in crate::cmd) const fn state_word(state: &State) -> &'static str {
+    match (state.fault, state.active) {
+        (true, _) => "fault",
+        (_, true) => "set points act",
+        _ => "",
+    }
+}
+
+/// `INIT → DISABLED: control & 01 = 01`.
+pub(in crate::cmd) fn transition(transition: &Transition) -> String {
+    let from = transition.from.0.join(", ");
+    let Transition { to, mask, value, edge, .. } = transition;
+    let mut text = format!("{from} → {to}: control & {mask:02X} = {value:02X}");
+    if *edge != 0 {
+        let bits: Vec<_> = (0..64).filter(|bit| edge >> bit & 1 == 1).map(|bit| bit.to_string()).collect();
+        let _ = write!(text, ", bit {} 0→1", bits.join(", "));
+    }
+    if let Some(hint) = &transition.text {
+        let _ = write!(text, "; {hint}");
+    }
+    text
+}
+
+/// What else moves a machine: `NMT reset communication → FAULT HOLD`.
+pub(in crate::cmd) fn forced(machine: &Machine) -> Vec<String> {
+    use profile::device::EmcyCodes;
+    let list = machine.forced.iter().map(|forced| {
+        let emcy = forced.emcy.as_ref().map(|codes| match codes {
+            EmcyCodes::Any(_) => "any EMCY".to_owned(),
+            EmcyCodes::One(code) => format!("EMCY {code:04X}"),
+            EmcyCodes::List(list) => {
+                let codes: Vec<_> = list.iter().map(|code| format!("{code:04X}")).collect();
+                format!("EMCY {}", codes.join(" "))
+            }
+        });
+        let nmt = forced.nmt.as_ref().map(|command| format!("NMT {}", super::spaced(command)));
+        let event = forced.event.as_ref().map(|event| super::spaced(event));
+        let cause = [nmt, emcy, event].into_iter().flatten().collect::<Vec<_>>().join(", ");
+        let from = if forced.from.0.is_empty() {
+            String::new()
+        } else {
+            format!(" from {}", forced.from.0.join(", "))
+        };
+        format!("{cause}{from} → {}", forced.to)
+    });
+    list.collect()
+}
+
+/// The gates of one channel: those of the others are alike.
+pub(in crate::cmd) fn first_gates(device: &Device) -> impl Iterator<Item = &Gate> {
+    device.gates.iter().filter(|gate| gate.channel.is_none_or(|channel| channel == 1))
+}
+
+/// The set points a gate is for; empty: all.
+pub(in crate::cmd) fn gate_for(device: &Device, gate: &Gate) -> String {
+    let of = if gate.closes.is_empty() { &gate.of } else { &gate.closes };
+    let list: Vec<_> = of.iter().map(|of| named(device, of.object)).collect();
+    let pdo = gate.pdo.map(|pdo| format!("by {pdo}"));
+    [Some(list.join(", ")).filter(|list| !list.is_empty()), pdo]
+        .into_iter()
+        .flatten()
+        .collect::<Vec<_>>()
+        .join(" ")
+}
+
+/// When a gate is open: `open if NMT operational`.
+pub(in crate::cmd) fn gate_open(device: &Device, gate: &Gate) -> String {
+    if gate.open.0 == [Condition::Invisible] {
+        return "never visible on the bus".into();
+    }
+    let list: Vec<_> = gate.open.0.iter().map(|open| condition(device, open)).collect();
+    let mut text = format!("open if {}", list.join(" and "));
+    if gate.otherwise == Otherwise::Unknown {
+        text.push_str(", else not known");
+    }
+    text
+}
+
+/// How a procedure starts, how long it takes, where it is seen to end.
+pub(in crate::cmd) fn procedure_facts(procedure: &Procedure) -> Vec<String> {
+    let mut facts = vec![format!("starts with {}", trigger(&procedure.start))];
+    if let Some(seconds) = procedure.seconds {
+        facts.push(format!("about {seconds} s"));
+    }
+    if let Some(status) = &procedure.status {
+        facts.push(format!("status in {}", status.object.object));
+    }
+    if let Some(result) = procedure.result {
+        facts.push(format!("result in {}", result.object));
+    }
+    if let Some(end) = &procedure.end {
+        facts.push(format!("ends with {}", trigger(end)));
+    }
+    if procedure.takes_over {
+        facts.push("set points of the bus are ignored".into());
+    }
+    facts
+}
+
+/// Names of the bits of an error register: `10 (communication)`.
+pub(in crate::cmd) fn register(register: u8) -> String {
+    let names: Vec<_> = profile::error_register().names(u32::from(register)).collect();
+    if names.is_empty() {
+        format!("{register:02X}")
+    } else {
+        format!("{register:02X} ({})", names.join(", "))
+    }
+}
+
+/// What the device does at an error: a state, or words.
+pub(in crate::cmd) fn reaction(error: &ErrorCode) -> String {
+    let goes = error.nmt.map(|state| format!("NMT {}", nmt(state)));
+    let own = error.reaction.clone().filter(|it| error.nmt.is_none_or(|state| nmt(state) != it));
+    own.into_iter().chain(goes).collect::<Vec<_>>().join(", ")
+}

@@ -1,0 +1,129 @@
+//! What a profile says, in words: for `explain`, `profiles show` and the reference.
+
+pub(super) mod behaviour;
+pub(super) mod object;
+
+use cobscope_decoder::sink::escape;
+
+/// Columns lines are folded at.
+const WIDTH: usize = 120;
+
+/// A space no line is folded at.
+pub(super) const FIRM: &str = "\u{a0}";
+
+/// Columns of a row's key.
+const KEY: usize = 12;
+
+/// Appends `first` and `text`, folded at spaces; further lines begin `indent` columns in.
+pub(super) fn fold(out: &mut String, first: &str, text: &str, indent: usize) {
+    let first = escape(first);
+    out.push_str(&first);
+    let mut column = first.chars().count();
+    let mut gap = 0;
+    for word in escape(text).trim().split(' ') {
+        let width = word.chars().count();
+        if gap > 0 && width > 0 && column + gap + width > WIDTH {
+            out.push('\n');
+            gap = indent;
+            column = 0;
+        }
+        if width > 0 {
+            out.push_str(&" ".repeat(gap));
+            out.push_str(&word.replace(FIRM, " "));
+            column += gap + width;
+            gap = 0;
+        }
+        gap += 1;
+    }
+    out.push('\n');
+}
+
+/// A heading and rows below it: key, text.
+pub(super) struct Block {
+    text: String,
+    indent: usize,
+}
+
+impl Block {
+    /// `thing  what`, the rows as far in as `what`.
+    pub fn new(thing: &str, what: &str) -> Self {
+        let first = format!("{thing}  ");
+        let indent = first.chars().count();
+        let mut text = String::new();
+        fold(&mut text, &first, what, indent);
+        Self { text, indent }
+    }
+
+    /// A row; none if there is nothing to say.
+    pub fn row(&mut self, key: &str, text: &str) {
+        if !text.is_empty() {
+            let first = format!("{:indent$}{key:<KEY$} ", "", indent = self.indent);
+            fold(&mut self.text, &first, text, self.indent + KEY + 1);
+        }
+    }
+
+    /// A row of several lines, each with the same right to be read.
+    pub fn rows<T: AsRef<str>>(&mut self, key: &str, lines: &[T]) {
+        for (place, line) in lines.iter().enumerate() {
+            self.row(if place == 0 { key } else { "" }, line.as_ref());
+        }
+    }
+
+    /// A line without a key; none if there is nothing to say.
+    pub fn line(&mut self, text: &str) {
+        if text.is_empty() {
+            return;
+        }
+        let indent = self.indent + text.len() - text.trim_start().len();
+        fold(&mut self.text, &" ".repeat(indent), text, indent + 2);
+    }
+
+    /// Lines without a key, and what is said below them if there are any.
+    pub fn list(&mut self, lines: &[String], below: &str) {
+        for line in lines {
+            self.line(line);
+        }
+        if !lines.is_empty() {
+            self.line(below);
+        }
+    }
+
+    /// Everything said.
+    pub fn finish(self) -> String {
+        self.text
+    }
+}
+
+/// Text that is not folded within, unless it is long.
+pub(super) fn firm(text: &str) -> String {
+    if text.chars().count() > WIDTH / 2 { text.to_owned() } else { text.replace(' ', FIRM) }
+}
+
+/// `[14.3.1]`.
+pub(super) fn section(source: &str) -> String {
+    firm(&format!("[{source}]"))
+}
+
+/// A name in a profile without its `-`: `set-point` is "set point".
+pub(super) fn spaced(name: &str) -> String {
+    name.replace('-', " ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_lines_are_folded_below_their_text() {
+        let mut block = Block::new("8102", "what");
+        block.row("check", &"word ".repeat(40));
+        block.row("nothing", "");
+        let text = block.finish();
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines[0], "8102  what");
+        assert!(lines[1].starts_with("      check        word word"), "{text}");
+        assert!(lines[2].starts_with(&format!("{}word", " ".repeat(19))), "{text}");
+        assert!(text.lines().all(|line| line.chars().count() <= WIDTH && !line.ends_with(' ')), "{text}");
+        assert!(!text.contains("nothing"));
+    }
+}

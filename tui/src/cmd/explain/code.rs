@@ -1,0 +1,148 @@
+//! What an EMCY or SDO abort code means: by CiA 301 and by the manuals.
+
+use cobscope_decoder::profile::device::{AbortText, ErrorCode, Order, OrderName};
+use cobscope_decoder::profile::{self, Device};
+
+use super::asked::Asked;
+use crate::cmd::describe::{Block, behaviour, object::named, section};
+
+/// Said where codes of manuals are listed.
+const MORE: &str = "(--device NAME tells more)";
+
+/// The section of an entry in its document.
+pub(super) fn section_of(device: &Device, section: &str) -> String {
+    if section.is_empty() || device.source.is_empty() {
+        return section.to_owned();
+    }
+    format!("{section} of {}", device.source)
+}
+
+/// An EMCY code; `None` if nobody knows it, or only the class it is in and `sure` is wanted.
+pub(super) fn emcy(asked: &Asked, code: u16, sure: bool) -> Option<String> {
+    let standard = profile::emcy_codes().find(u32::from(code));
+    let shown = format!("{code:04X}");
+    let Some(device) = &asked.device else {
+        let mut told = asked.every_device(|device| {
+            let error = device.error(code)?;
+            Some(format!("{}  {}", error.text, section(&error.source)))
+        });
+        told.extend(asked.every_device(|device| Some(format!("swapped, {}", swapped(device, code)?))));
+        if standard.is_none() && told.is_empty() {
+            return None;
+        }
+        let text = standard.map_or("none of CiA 301", |entry| &entry.text);
+        let mut block = Block::new(&shown, &format!("EMCY error code: {text}"));
+        block.line(standard.map_or("", |entry| &entry.hint));
+        block.list(&told, MORE);
+        return Some(block.finish());
+    };
+    if let Some(error) = device.error(code) {
+        return Some(error_block(device, error));
+    }
+    let swapped = swapped(device, code);
+    let is_exact = standard.is_some_and(|entry| entry.number == u32::from(code));
+    if swapped.is_none() && (standard.is_none() || sure && !is_exact) {
+        return None;
+    }
+    let mut block = Block::new(&shown, &format!("EMCY error code: not in the manual of {}", device.title));
+    block.row("swapped", &swapped.unwrap_or_default());
+    block.row("CiA 301", &of_standard(standard));
+    Some(block.finish())
+}
+
+/// `communication: Check wiring.`
+fn of_standard(entry: Option<&profile::Code>) -> String {
+    entry.map_or(String::new(), |entry| format!("{}: {}", entry.text, entry.hint))
+}
+
+fn error_block(device: &Device, error: &ErrorCode) -> String {
+    let what = format!("EMCY error code of {}: {}", device.title, error.text);
+    let mut block = Block::new(&format!("{:04X}", error.code), &what);
+    block.row("register", &error.register.map_or(String::new(), behaviour::register));
+    let reaction = behaviour::reaction(error);
+    block.row("reaction", &if reaction.is_empty() { reaction } else { format!("to {reaction}") });
+    block.rows("check", &error.causes);
+    block.row("sent as", &sent_as(device, error.code));
+    block.row("note", &error.note);
+    block.row("CiA 301", &of_standard(profile::emcy_codes().find(u32::from(error.code))));
+    block.row("section", &section_of(device, &error.source));
+    block.finish()
+}
+
+/// The bytes of a code on the bus, where they are not those of CiA 301.
+fn sent_as(device: &Device, code: u16) -> String {
+    let [high, low] = code.to_be_bytes();
+    if high == low {
+        return String::new();
+    }
+    match msb_first(device) {
+        Some(why) => format!(
+            "{high:02X} {low:02X}: most significant byte first ({why}); a tool that expects the order of CiA 301 \
+             shows {low:02X}{high:02X}"
+        ),
+        None => String::new(),
+    }
+}
+
+/// When the device sends the most significant byte of a code first; `None`: never.
+fn msb_first(device: &Device) -> Option<String> {
+    match device.emcy.byte_order.as_ref()? {
+        Order::Fixed(OrderName::LsbFirst) => None,
+        Order::Fixed(OrderName::MsbFirst) => Some("always".into()),
+        Order::ByObject { object, equals, default } => {
+            let (value, _) = equals.iter().find(|(_, order)| **order == OrderName::MsbFirst)?;
+            let as_delivered = if *default == OrderName::MsbFirst { ", as delivered" } else { "" };
+            Some(format!("{} = {value}{as_delivered}", named(device, object.object)))
+        }
+    }
+}
+
+/// What the code is with its bytes swapped, where the device may send them so.
+fn swapped(device: &Device, code: u16) -> Option<String> {
+    let other = device.error(code.swap_bytes()).filter(|_| device.error(code).is_none())?;
+    let why = msb_first(device)?;
+    Some(format!("{:04X} {}: sent most significant byte first ({why})", other.code, other.text))
+}
+
+/// An SDO abort code.
+pub(super) fn abort(asked: &Asked, code: u32) -> String {
+    let standard = profile::abort_codes().find(code);
+    let shown = format!("{code:08X}");
+    let Some(device) = &asked.device else {
+        let text = standard.map_or("none of CiA 301; see the manual of the device", |entry| &entry.text);
+        let mut block = Block::new(&shown, &format!("SDO abort code: {text}"));
+        block.line(standard.map_or("", |entry| &entry.hint));
+        let told = asked.every_device(|device| {
+            let texts: Vec<_> = aborts(device, code).map(abort_text).collect();
+            (!texts.is_empty()).then(|| texts.join("; "))
+        });
+        block.list(&told, MORE);
+        return block.finish();
+    };
+    let general = device.abort(code, None);
+    let what = match (general, aborts(device, code).next()) {
+        (Some(abort), _) => format!(" of {}: {}", device.title, abort.text),
+        (None, Some(_)) => format!(" of {}: by object", device.title),
+        (None, None) => format!(": not in the manual of {}", device.title),
+    };
+    let mut block = Block::new(&shown, &format!("SDO abort code{what}"));
+    let by_object = aborts(device, code).filter(|abort| !abort.objects.is_empty());
+    block.rows("of objects", &by_object.map(abort_text).collect::<Vec<_>>());
+    for abort in aborts(device, code) {
+        block.row("note", &abort.note);
+    }
+    block.row("CiA 301", &of_standard(standard));
+    block.row("section", &general.map_or(String::new(), |abort| section_of(device, &abort.source)));
+    block.finish()
+}
+
+fn aborts(device: &Device, code: u32) -> impl Iterator<Item = &AbortText> {
+    device.aborts.iter().filter(move |abort| abort.code == code)
+}
+
+/// `1010:01, 1010:02: saving failed  [5.4.10]`.
+fn abort_text(abort: &AbortText) -> String {
+    let objects: Vec<_> = abort.objects.iter().map(ToString::to_string).collect();
+    let of = if objects.is_empty() { String::new() } else { format!("{}: ", objects.join(", ")) };
+    format!("{of}{}  {}", abort.text, section(&abort.source))
+}

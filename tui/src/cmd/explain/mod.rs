@@ -1,0 +1,92 @@
+//! `cobscope explain`: what a code, an identifier, an object or one pasted frame means.
+
+mod asked;
+mod code;
+mod frame;
+mod identifier;
+mod object;
+
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use cobscope_decoder::profile::{Device, ProfileError};
+use cobscope_decoder::sink::escape;
+use cobscope_decoder::wire::canopen::ObjectAddress;
+
+use crate::exit_code::Exit;
+use asked::Asked;
+
+/// The forms that are understood, for who gave another one.
+const FORMS: &str = "expected an SDO abort code (06020000), an EMCY code (8130), an object (1018:01, 1018sub1, \
+                     1018h:01h), a COB-ID (185) or a frame (701#05)";
+
+/// Runs the command: every reading that fits, the likeliest first.
+pub fn run(thing: &str, device: Option<&str>, profiles: &[PathBuf]) -> Exit {
+    let catalogue = super::input::catalogue(profiles);
+    let device: Option<Arc<Device>> = match device.map(|device| catalogue.device(device)).transpose() {
+        Ok(device) => device,
+        Err(error) => return refuse(&error),
+    };
+    let asked = Asked { catalogue, device };
+    let thing = thing.trim();
+    let readings = if thing.contains('#') {
+        frame::frame(thing, &asked).into_iter().collect()
+    } else {
+        code(thing, &asked)
+    };
+    if readings.is_empty() {
+        let shown = thing.escape_debug();
+        let _ = writeln!(std::io::stderr(), "cobscope: explain: cannot read \"{shown}\": {FORMS}");
+        return Exit::Usage;
+    }
+    // A closed pipe is no failure.
+    let _ = std::io::stdout().write_all(readings.join("\n").as_bytes());
+    Exit::Clean
+}
+
+/// A device that is not there is a mistake of the user, a broken profile one of the file.
+fn refuse(error: &ProfileError) -> Exit {
+    let is_broken = matches!(error, ProfileError::Broken { .. });
+    let list = if is_broken { "" } else { " (cobscope profiles list)" };
+    let text = error.to_string();
+    let lines: Vec<_> = text.lines().map(escape).collect();
+    let _ = writeln!(std::io::stderr(), "cobscope: {}{list}", lines.join("\n"));
+    if is_broken { Exit::Profile } else { Exit::Usage }
+}
+
+/// The readings of something without `#`.
+fn code(thing: &str, asked: &Asked) -> Vec<String> {
+    if let Ok(address) = thing.parse::<ObjectAddress>()
+        && (thing.contains(':') || thing.contains("sub"))
+    {
+        return vec![object::entry(asked, address)];
+    }
+    let digits = thing.strip_prefix("0x").or_else(|| thing.strip_prefix("0X")).unwrap_or(thing);
+    let digits = digits.strip_suffix(['h', 'H']).unwrap_or(digits);
+    let Ok(number) = u32::from_str_radix(digits, 16) else { return Vec::new() };
+    match (u16::try_from(number), digits.len()) {
+        (Ok(id), ..=3) if id <= 0x7FF => vec![identifier::identifier(id)],
+        (Ok(number), 4) => four_digits(number, asked),
+        _ => vec![code::abort(asked, number)],
+    }
+}
+
+/// Four digits can be an object, an EMCY code, or an identifier with a zero in front.
+fn four_digits(number: u16, asked: &Asked) -> Vec<String> {
+    let is_object = asked.knows_index(number);
+    let of_standard = (0x1000..0x2000).contains(&number);
+    let object = object::index(asked, number);
+    let identifier = (number <= 0x7FF).then(|| identifier::identifier(number));
+    // The class of a code says little beside an object that the device has.
+    let Some(code) = code::emcy(asked, number, is_object) else {
+        return [Some(object), identifier].into_iter().flatten().collect();
+    };
+    let readings = match (is_object || of_standard, asked.device.is_some()) {
+        (true, _) => [Some(object), Some(code), identifier],
+        // That the device has no such object is known once its code is.
+        (false, true) => [Some(code), identifier, None],
+        (false, false) => [Some(code), Some(object), identifier],
+    };
+    readings.into_iter().flatten().collect()
+}

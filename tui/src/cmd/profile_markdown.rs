@@ -1,0 +1,140 @@
+//! A device as Markdown: `cobscope profiles show --format markdown`.
+
+use std::fmt::Write as _;
+
+use cobscope_decoder::profile::Device;
+use cobscope_decoder::sink::escape;
+
+use super::describe::{FIRM, behaviour};
+use super::profiles::counts;
+
+/// Tables of what the device does; its objects stand in the page of text only.
+pub(super) fn markdown(device: &Device) -> String {
+    let mut text = format!("## {}\n\n", cell(&device.full_id));
+    let (title, vendor, description) = (&device.title, &device.vendor, &device.description);
+    let what = format!("{title}, {vendor}: {description}. After {}.", device.source);
+    let _ = writeln!(text, "{}", cell(&what));
+    if !device.note.is_empty() {
+        let _ = writeln!(text, "\nNote: {}.", cell(&device.note));
+    }
+    let counted = counts(device);
+    let names: Vec<&str> = counted.iter().map(|(name, _)| *name).collect();
+    let numbers = counted.iter().map(|(_, number)| number.to_string()).collect();
+    text.push('\n');
+    rows(&mut text, &names, vec![numbers]);
+    table(&mut text, "PDOs", &["PDO", "contents", "mapping", "section"], pdos(device));
+    states(&mut text, device);
+    table(&mut text, "Gates", &["gate", "set points", "when", "what it is about", "section"], gates(device));
+    table(&mut text, "Procedures", &["procedure", "how it is seen", "section"], procedures(device));
+    let columns = ["code", "meaning", "register", "reaction", "check", "section"];
+    table(&mut text, "EMCY codes", &columns, errors(device));
+    table(&mut text, "SDO abort codes", &["code", "meaning", "of objects", "section"], aborts(device));
+    let columns = ["name", "statement", "severity", "section"];
+    table(&mut text, "Statements a capture can violate", &columns, rules(device));
+    table(&mut text, "Waived rules", &["rule", "why", "section"], waivers(device));
+    text
+}
+
+/// Text that does not end its cell or its line, and is no markup.
+fn cell(text: &str) -> String {
+    let text = escape(text).replace(FIRM, " ");
+    text.replace('\\', "\\\\").replace('|', "\\|").replace('<', "&lt;").replace('*', "\\*")
+}
+
+fn table(text: &mut String, title: &str, columns: &[&str], lines: Vec<Vec<String>>) {
+    if !lines.is_empty() {
+        let _ = writeln!(text, "\n### {title}\n");
+        rows(text, columns, lines);
+    }
+}
+
+fn rows(text: &mut String, columns: &[&str], lines: Vec<Vec<String>>) {
+    let _ = writeln!(text, "| {} |", columns.join(" | "));
+    let _ = writeln!(text, "|{}", " --- |".repeat(columns.len()));
+    for line in lines {
+        let cells: Vec<_> = line.iter().map(|it| cell(it)).collect();
+        let _ = writeln!(text, "| {} |", cells.join(" | "));
+    }
+}
+
+fn pdos(device: &Device) -> Vec<Vec<String>> {
+    let rows = device.pdos.iter().map(|pdo| {
+        let (name, contents) = (behaviour::pdo_name(device, pdo), behaviour::pdo_contents(device, pdo));
+        vec![name, contents, behaviour::mapping(pdo.mapping).into(), pdo.source.clone()]
+    });
+    rows.collect()
+}
+
+fn states(text: &mut String, device: &Device) {
+    for machine in behaviour::first_machines(device) {
+        let title = format!("State machine \"{}\"{}", machine.name, behaviour::channels(device));
+        let row = |state| {
+            let bits = behaviour::state_bits(machine, state);
+            vec![state.name.clone(), bits, behaviour::state_word(state).into()]
+        };
+        let states = machine.states.iter().map(row).collect();
+        let (status, control) = (machine.status.object.object, machine.control.object.object);
+        table(text, &title, &["state", &format!("status in {status}"), "kind"], states);
+        let transitions = machine.transitions.iter().map(behaviour::transition);
+        let _ = writeln!(text, "\nControl in {control}; section {}.\n", cell(&machine.source));
+        for line in transitions.chain(behaviour::forced(machine)) {
+            let _ = writeln!(text, "- {}", cell(&line));
+        }
+    }
+}
+
+fn gates(device: &Device) -> Vec<Vec<String>> {
+    let rows = behaviour::first_gates(device).map(|gate| {
+        let of = behaviour::gate_for(device, gate);
+        let of = if of.is_empty() { "all".into() } else { of };
+        vec![
+            gate.name.clone(),
+            of,
+            behaviour::gate_open(device, gate),
+            gate.text.clone(),
+            gate.source.clone(),
+        ]
+    });
+    rows.collect()
+}
+
+fn procedures(device: &Device) -> Vec<Vec<String>> {
+    let rows = device.procedures.iter().map(|procedure| {
+        let facts = behaviour::procedure_facts(procedure).join("; ");
+        vec![procedure.name.clone(), facts, procedure.source.clone()]
+    });
+    rows.collect()
+}
+
+fn errors(device: &Device) -> Vec<Vec<String>> {
+    let rows = device.emcy.code.iter().map(|error| {
+        vec![
+            format!("{:04X}", error.code),
+            error.text.clone(),
+            error.register.map_or(String::new(), behaviour::register),
+            behaviour::reaction(error),
+            error.causes.join("; "),
+            error.source.clone(),
+        ]
+    });
+    rows.collect()
+}
+
+fn aborts(device: &Device) -> Vec<Vec<String>> {
+    let rows = device.aborts.iter().map(|abort| {
+        let objects: Vec<_> = abort.objects.iter().map(ToString::to_string).collect();
+        vec![format!("{:08X}", abort.code), abort.text.clone(), objects.join(", "), abort.source.clone()]
+    });
+    rows.collect()
+}
+
+fn rules(device: &Device) -> Vec<Vec<String>> {
+    super::profile_page::rules(&device.rules)
+        .into_iter()
+        .map(|(name, rule)| vec![name, rule.text.clone(), rule.severity.name().into(), rule.source.clone()])
+        .collect()
+}
+
+fn waivers(device: &Device) -> Vec<Vec<String>> {
+    device.waivers.iter().map(|it| vec![it.rule.clone(), it.text.clone(), it.source.clone()]).collect()
+}
