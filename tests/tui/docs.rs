@@ -79,3 +79,22 @@ fn the_profile_reference() {
     }
     is_current("profiles.md", &text);
 }
+
+#[test]
+fn the_counts_of_profiles_are_those_printed() {
+    let document = fs::read_to_string(workspace().join("docs/profile-counts.md")).unwrap();
+    let table = document.split("EMCY here |\n").nth(1).unwrap().split("\n\n").next().unwrap();
+    let mut rows = Vec::new();
+    for line in table.lines().skip(1) {
+        rows.push(line.trim_matches('|').split('|').map(str::trim).collect::<Vec<_>>());
+    }
+    assert_eq!(rows.len(), Catalogue::default().ids().len());
+    for row in rows {
+        let [profile, _, objects, _, errors] = row[..] else { panic!("{row:?}") };
+        let output = run(&["profiles", "show", "--count", profile], "").stdout;
+        for (what, number) in [("object entries", objects), ("EMCY codes", errors)] {
+            let line = format!("  {what:<16} {number}\n");
+            assert!(output.contains(&line), "{profile}: {line}{output}");
+        }
+    }
+}

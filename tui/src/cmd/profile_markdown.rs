@@ -73,8 +73,8 @@ fn states(text: &mut String, device: &Device) {
             vec![state.name.clone(), bits, behaviour::state_word(state).into()]
         };
         let states = machine.states.iter().map(row).collect();
-        let (status, control) = (machine.status.object.object, machine.control.object.object);
-        table(text, &title, &["state", &format!("status in {status}"), "kind"], states);
+        let (word, control) = (machine.status.object.object, machine.control.object.object);
+        table(text, &title, &["state", &format!("status in {word}"), "kind"], states);
         let transitions = machine.transitions.iter().map(behaviour::transition);
         let _ = writeln!(text, "\nControl in {control}; section {}.\n", cell(&machine.source));
         for line in transitions.chain(behaviour::forced(machine)) {
