@@ -7,6 +7,7 @@ mod docs;
 mod explain;
 mod filter;
 mod objects;
+mod profiles;
 mod readme;
 mod stats;
 #[path = "../support/mod.rs"]

@@ -44,7 +44,7 @@ pub enum ProfileError {
         closest: Option<String>,
     },
     /// It has no such variant.
-    #[error("profile '{id}' has no variant '{variant}', only: {known}")]
+    #[error("profile '{id}' has no variant '{variant}'{}", if known.is_empty() { "; it has none".into() } else { format!(", only: {known}") })]
     NoVariant {
         /// Profile.
         id: String,
@@ -197,8 +197,11 @@ impl Catalogue {
         let file = ProfileFile::parse(text).map_err(broken)?;
         if let Some(variant) = variant.filter(|id| !file.variants().iter().any(|known| known.id == **id)) {
             let known: Vec<_> = file.variants().iter().map(|known| known.id.as_str()).collect();
-            let known = if known.is_empty() { "none".into() } else { known.join(", ") };
-            return Err(ProfileError::NoVariant { id: id.into(), variant: variant.into(), known });
+            return Err(ProfileError::NoVariant {
+                id: id.into(),
+                variant: variant.into(),
+                known: known.join(", "),
+            });
         }
         let mut standards = Vec::new();
         for (name, span) in file.extends() {
@@ -210,10 +213,10 @@ impl Catalogue {
     }
 
     fn unknown(&self, id: &str) -> ProfileError {
+        // A letter or two are in any name.
+        let is_in = |part: &str, whole: &str| part.len() > 2 && whole.contains(part);
         let closest = self.ids().into_iter().find(|known| {
-            known.contains(id)
-                || id.contains(known.as_str())
-                || known.split('-').any(|part| id.contains(part))
+            is_in(id, known) || is_in(known, id) || known.split('-').any(|part| is_in(part, id))
         });
         ProfileError::Unknown { id: id.to_owned(), closest }
     }

@@ -144,7 +144,6 @@ fn add_file(catalogue: &mut Catalogue, path: &Path) {
 }
 
 pub(super) fn warn(text: &str) {
-    for line in text.lines() {
-        let _ = writeln!(std::io::stderr(), "cobscope: {}", escape(line));
-    }
+    let lines: Vec<_> = text.lines().map(escape).collect();
+    let _ = writeln!(std::io::stderr(), "cobscope: {}", lines.join("\n"));
 }

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use cobscope_decoder::profile::Device;
 use cobscope_decoder::sink::escape;
 
-use super::describe::{FIRM, behaviour};
+use super::describe::{FIRM, behaviour, network};
 use super::profiles::counts;
 
 /// Tables of what the device does; its objects stand in the page of text only.
@@ -22,6 +22,9 @@ pub(super) fn markdown(device: &Device) -> String {
     let numbers = counted.iter().map(|(_, number)| number.to_string()).collect();
     text.push('\n');
     rows(&mut text, &names, vec![numbers]);
+    let network = network::facts(device).into_iter();
+    let network = network.map(|fact| vec![fact.heading.to_owned(), fact.text, fact.source]).collect();
+    table(&mut text, "Network", &["what", "how", "section"], network);
     table(&mut text, "PDOs", &["PDO", "contents", "mapping", "section"], pdos(device));
     states(&mut text, device);
     table(&mut text, "Gates", &["gate", "set points", "when", "what it is about", "section"], gates(device));

@@ -8,18 +8,22 @@ use cobscope_decoder::profile::device::{
 };
 use cobscope_decoder::sink::escape;
 
+use super::describe::network::{self, Fact};
 use super::describe::{behaviour, fold, object, section as cite};
 
 /// Everything the profile says, in short.
 pub(super) fn page(device: &Device) -> String {
     let mut text = String::new();
     let _ = writeln!(text, "{}  {}", escape(&device.full_id), escape(&device.title));
-    let _ = writeln!(text, "{}: {}", escape(&device.vendor), escape(&device.description));
-    let _ = writeln!(text, "after {}", escape(&device.source));
-    if !device.note.is_empty() {
-        fold(&mut text, "note: ", &device.note, 6);
+    let what = [&device.vendor, &device.description].map(String::as_str);
+    let what = what.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(": ");
+    for (first, line) in [("", &what), ("after ", &device.source), ("note: ", &device.note)] {
+        if !line.is_empty() {
+            fold(&mut text, first, line, first.len());
+        }
     }
     section(&mut text, "Variants", device.variants.iter().map(|it| format!("{:<12} {}", it.id, it.title)));
+    section(&mut text, "Network", network::facts(device).iter().map(fact_line));
     section(&mut text, "PDOs", device.pdos.iter().map(|it| pdo_line(device, it)));
     for machine in behaviour::first_machines(device) {
         let title = format!("State machine \"{}\"{}", machine.name, behaviour::channels(device));
@@ -49,6 +53,10 @@ fn section(text: &mut String, title: &str, lines: impl IntoIterator<Item = Strin
         let indent = line.len() - shown.len() + 2;
         fold(text, &" ".repeat(indent), shown, indent + 4);
     }
+}
+
+fn fact_line(fact: &Fact) -> String {
+    format!("{}: {}  {}", fact.heading, fact.text, cite(&fact.source))
 }
 
 fn pdo_line(device: &Device, pdo: &PdoSpec) -> String {

@@ -42,8 +42,8 @@ fn list(catalogue: &Catalogue) -> Exit {
     for id in catalogue.ids() {
         match catalogue.device(&id) {
             Ok(device) => {
-                let _ =
-                    writeln!(text, "{id:<24} {:<10} {}", escape(&device.title), escape(&device.description));
+                let line = format!("{id:<24} {:<10} {}", device.title, device.description);
+                let _ = writeln!(text, "{}", escape(line.trim_end()));
                 for (place, variant) in device.variants.iter().enumerate() {
                     let title = if variant.title.is_empty() { &device.title } else { &variant.title };
                     let name = format!("{id}:{}", variant.id);
@@ -55,7 +55,11 @@ fn list(catalogue: &Catalogue) -> Exit {
                 }
             }
             Err(error) => {
-                complain(&error.to_string());
+                // What cannot be read has no origin and was said at once.
+                if catalogue.brought(&id).is_none_or(|origin| !origin.is_empty()) {
+                    complain(&error.to_string());
+                }
+                let _ = writeln!(text, "{:<24} broken", escape(&id));
                 exit = Exit::Profile;
             }
         }

@@ -57,7 +57,7 @@ pub(in crate::cmd) fn trigger(trigger: &Trigger) -> String {
             format!("bit {} of {} going to {}", bit.bit, bit.object.object, u8::from(*becomes))
         }
         Trigger::Pdo(pdo) => pdo.to_string(),
-        Trigger::Nmt(command) => format!("NMT {}", super::spaced(command)),
+        Trigger::Nmt(command) => format!("NMT {command}"),
         Trigger::State(states) => format!("state {}", states.join(" or ")),
         Trigger::Sync => "SYNC".into(),
         Trigger::Emcy(code) => format!("EMCY {code:04X}"),
@@ -154,7 +154,7 @@ pub(in crate::cmd) fn forced(machine: &Machine) -> Vec<String> {
                 format!("EMCY {}", codes.join(" "))
             }
         });
-        let nmt = forced.nmt.as_ref().map(|command| format!("NMT {}", super::spaced(command)));
+        let nmt = forced.nmt.as_ref().map(|command| format!("NMT {command}"));
         let event = forced.event.as_ref().map(|event| super::spaced(event));
         let cause = [nmt, emcy, event].into_iter().flatten().collect::<Vec<_>>().join(", ");
         let from = if forced.from.0.is_empty() {

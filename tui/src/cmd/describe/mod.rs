@@ -1,6 +1,7 @@
 //! What a profile says, in words: for `explain`, `profiles show` and the reference.
 
 pub(super) mod behaviour;
+pub(super) mod network;
 pub(super) mod object;
 
 use cobscope_decoder::sink::escape;
@@ -99,9 +100,9 @@ pub(super) fn firm(text: &str) -> String {
     if text.chars().count() > WIDTH / 2 { text.to_owned() } else { text.replace(' ', FIRM) }
 }
 
-/// `[14.3.1]`.
+/// `[14.3.1]`; empty without a section.
 pub(super) fn section(source: &str) -> String {
-    firm(&format!("[{source}]"))
+    if source.is_empty() { String::new() } else { firm(&format!("[{source}]")) }
 }
 
 /// A name in a profile without its `-`: `set-point` is "set point".

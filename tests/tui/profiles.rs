@@ -1,0 +1,209 @@
+//! `cobscope profiles`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use cobscope_decoder::profile::Catalogue;
+
+use crate::cli::run;
+
+/// A folder of this test with one profile in it.
+fn folder(name: &str, text: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).unwrap();
+    fs::write(folder.join("pump.toml"), text).unwrap();
+    folder
+}
+
+fn path(folder: &Path) -> String {
+    folder.to_str().unwrap().to_owned()
+}
+
+/// 0.1 bar a digit in 2001; 2000 is a word of two bits; 2010 to 2012 are alike.
+const PUMP: &str = "id = \"acme-pump\"\ntitle = \"Pump\"\nvendor = \"Acme\"\nextends = [\"cia301\"]\n\n\
+    [[object]]\nindex = 0x2000\nname = \"Status\"\ntype = \"UNSIGNED8\"\naccess = \"ro\"\n\
+    bits = [ { bit = 0, name = \"on\" }, { bit = 1, name = \"hot\" } ]\nsource = \"3\"\n\n\
+    [[object]]\nindex = 0x2001\nname = \"Pressure\"\ntype = \"INTEGER16\"\naccess = \"rw\"\nunit = \"bar\"\n\
+    scale = 0.1\nrange = [0, 4000]\ndefault = 50\nsource = \"4\"\n\n\
+    [[object]]\nindex = 0x2010\nrepeat = { count = 3, stride = 1 }\nname = \"Ramp {n}\"\ntype = \"UNSIGNED16\"\n\
+    unit = \"ms\"\n\n\
+    [[pdo]]\npdo = \"TPDO1\"\nmapping = \"fixed\"\nsource = \"5\"\n\
+    fields = [ { object = \"2000:00\", bits = 8 }, { object = \"2001:00\", bits = 16 } ]\n";
+
+#[test]
+fn all_devices_are_listed_with_their_variants() {
+    let output = run(&["profiles", "list"], "");
+    let expected = "\
+danfoss-pve-ci           PVEA       Electro-hydraulic actuator of a proportional valve
+  danfoss-pve-ci:pvea      PVEA (unless another is named)
+  danfoss-pve-ci:pveo      PVEO
+rexroth-ifb-iac          IFB/IAC    Proportional directional valve on the bus, with pQ or axis controller (IAC-P)
+rexroth-sydfec           SYDFEC     Pressure and flow control of a pump
+rexroth-vpcd             VPCD       Angle, pressure and power control of an axial piston pump
+wandfluh-md2             MD2 amp    Amplifier or controller for up to eight proportional valves
+  wandfluh-md2:amplifier   MD2 amp (unless another is named)
+  wandfluh-md2:controller  MD2 ctrl
+";
+    assert_eq!((output.stdout.as_str(), output.code), (expected, 0));
+}
+
+#[test]
+fn profiles_of_the_user_are_listed_too() {
+    let folder = folder("list", PUMP);
+    let output = run(&["profiles", "list", "--profiles", &path(&folder)], "");
+    assert_eq!(output.code, 0, "{}", output.stderr);
+    let line = format!("acme-pump                Pump\n  from {}\n", folder.join("pump.toml").display());
+    assert!(output.stdout.starts_with(&line), "{}", output.stdout);
+}
+
+#[test]
+fn a_page_holds_what_the_profile_says() {
+    let folder = folder("show", PUMP);
+    let output = run(&["profiles", "show", "--profiles", &path(&folder), "acme-pump"], "");
+    let expected = "\
+acme-pump  Pump
+Acme
+
+Network
+  recognised by: nothing: name it in the bus file or with --node
+  starts with: a boot-up message
+
+PDOs
+  TPDO1: 2000:00 Status (8 bit), 2001:00 Pressure (16 bit)  [5]
+
+Objects
+  2000:00  Status, UNSIGNED8 ro, 2 bit fields  [3]
+  2001:00  Pressure, INTEGER16 rw, bar = raw × 0.1, 0.0 to 400.0 bar, default 5.0 bar  [4]
+  2010:00…2012:00  Ramp 1…3, UNSIGNED16, ms, ×3
+";
+    assert_eq!((output.stdout.as_str(), output.code), (expected, 0), "{}", output.stderr);
+}
+
+#[test]
+fn lines_of_the_manuals_worked_out_by_hand() {
+    let lines = [
+        // RE 30027-Z 10.4.1 and 5208:02; 19.1; 16.2 (sets 0 to 15); 14.3; 17.4.2.
+        (
+            "rexroth-sydfec",
+            "  503A:00  Pressure set point, INTEGER16 ro, bar = raw × 5208:02 / 16383, 0.0 to 315.0 bar  [10.4.1]",
+        ),
+        (
+            "rexroth-sydfec",
+            "  5400:07…540F:07  Parameter set 0…15, Pressure transducer input, INTEGER16 rw, 1 to 4, ×16  [16.2]",
+        ),
+        (
+            "rexroth-sydfec",
+            "  8102  life guarding: master silent, register 10 (communication) → NMT pre-operational  [12, 14.3.1.1]",
+        ),
+        ("rexroth-sydfec", "  transducer-1,3,4-type-pre-operational: "),
+        // Eight channels, 800h apart; a set point is % of 16384; R with H moves FAULT HOLD to HOLD.
+        (
+            "wandfluh-md2",
+            "  6300:01…9B00:01  Spool set point 1…8, INTEGER16 rw, % = raw × 100 / 16384, -100.0 to 100.0 %, default 0.0 %, ×8,",
+        ),
+        ("wandfluh-md2", "  FAULT HOLD → HOLD: control & 0A = 0A, bit 3 0→1; send 03, then 0B"),
+        ("wandfluh-md2", "  control-mode-1…8-only-when-off: "),
+        // 1018 tells it; EMCY 0000 at boot.
+        ("danfoss-pve-ci", "  recognised by: 1018:01 = 01000019, 1018:02 = 53360000"),
+        ("danfoss-pve-ci", "  starts with: a boot-up message, and EMCY 0000  "),
+        // Flow in closed loop: 0.1 l/min.
+        (
+            "rexroth-ifb-iac",
+            "           6043:00 = -3 (pQ, Q closed loop): Flow set point, l/min = raw × 0.1, -1638.4 to 1638.4 l/min",
+        ),
+        // 4.74: scale 324.7 as printed; areas of the maker's tool.
+        (
+            "rexroth-vpcd",
+            "  2F0E:00  Pressure command, INTEGER32 ro, bar = raw / 324.7, 0 to 600 bar  [4.74]",
+        ),
+        ("rexroth-vpcd", "  TPDO3: set in the maker's tool: tx_area in the bus file  [3.4]"),
+    ];
+    for (profile, line) in lines {
+        let output = run(&["profiles", "show", profile], "").stdout;
+        assert!(output.lines().any(|is| is.starts_with(line)), "{line}\n{output}");
+    }
+}
+
+#[test]
+fn no_line_is_too_long_to_read() {
+    let catalogue = Catalogue::default();
+    for id in catalogue.ids() {
+        let device = catalogue.device(&id).unwrap();
+        let variants = device.variants.iter().map(|variant| format!("{id}:{}", variant.id));
+        for name in std::iter::once(id.clone()).chain(variants) {
+            let output = run(&["profiles", "show", &name], "").stdout;
+            for line in output.lines() {
+                assert!(line.chars().count() <= 120 && line.trim_end() == line, "{name}: {line}");
+            }
+        }
+    }
+}
+
+#[test]
+fn counts() {
+    // 24 variables, 9 entries of 1003 … (docs/profile-counts.md); 0000, 8305, 8003.
+    let output = run(&["profiles", "show", "--count", "danfoss-pve-ci:pveo"], "");
+    assert_eq!(output.code, 0);
+    assert!(output.stdout.starts_with("danfoss-pve-ci:pveo\n  object entries   61\n  EMCY codes       3\n"));
+    // The controller has 96 objects more than the amplifier.
+    assert!(
+        run(&["profiles", "show", "--count", "wandfluh-md2"], "").stdout.contains("object entries   490\n")
+    );
+}
+
+#[test]
+fn a_profile_that_is_not_there_is_a_mistake_of_the_command_line() {
+    let unknown = run(&["profiles", "show", "sydfec"], "");
+    assert_eq!(unknown.code, 2);
+    let expected =
+        "cobscope: there is no profile 'sydfec'; did you mean 'rexroth-sydfec'? (cobscope profiles list)\n";
+    assert_eq!(unknown.stderr, expected);
+    let variant = run(&["profiles", "show", "wandfluh-md2:pump"], "");
+    assert_eq!(variant.code, 2);
+    let expected = "has no variant 'pump', only: amplifier, controller";
+    assert!(variant.stderr.contains(expected), "{}", variant.stderr);
+    let none = run(&["profiles", "show", "rexroth-sydfec:pump"], "");
+    assert!(none.stderr.contains("has no variant 'pump'; it has none"), "{}", none.stderr);
+}
+
+#[test]
+fn a_right_profile_is_said_to_be_right() {
+    let folder = folder("right", PUMP);
+    let name = path(&folder.join("pump.toml"));
+    let output = run(&["profiles", "check", &name], "");
+    assert_eq!((output.stdout, output.code), (format!("{name}: ok, 0 samples\n"), 0));
+}
+
+#[test]
+fn a_broken_profile_gives_4_and_the_place() {
+    let folder = folder("broken", &PUMP.replace("unit = \"bar\"", "unit = \"baar\""));
+    let name = path(&folder.join("pump.toml"));
+    // The unit stands in line 19 from column 8 on.
+    let place = format!(
+        "cobscope: {name}:19:8: 'baar' is no unit of lookups/units.toml\n  19 | unit = \"baar\"\n     |        ^^^^^^\n"
+    );
+    let output = run(&["profiles", "check", &name], "");
+    assert_eq!((output.stderr.as_str(), output.code), (place.as_str(), 4));
+    // The list goes on without it, says it once and ends with 4 as well.
+    let output = run(&["profiles", "list", "--profiles", &path(&folder)], "");
+    assert_eq!((output.stderr.as_str(), output.code), (place.as_str(), 4));
+    assert!(output.stdout.contains("pump                     broken\n"), "{}", output.stdout);
+    assert!(output.stdout.contains("rexroth-sydfec"), "{}", output.stdout);
+}
+
+#[test]
+fn what_a_profile_s_grammar_does_not_show_is_found() {
+    let folder =
+        folder("wrong", &PUMP.replace("scale = 0.1\nrange = [0, 4000]", "scale = 0.1\nrange = [0, 40000]"));
+    let name = path(&folder.join("pump.toml"));
+    let output = run(&["profiles", "check", &name], "");
+    assert_eq!(output.code, 4);
+    assert!(
+        output.stderr.contains("pump.toml:14:1: range 40000 does not fit INTEGER16"),
+        "{}",
+        output.stderr
+    );
+    let missing = run(&["profiles", "check", "no/such.toml"], "");
+    assert_eq!((missing.code, missing.stderr.contains("no/such.toml: ")), (4, true));
+}
