@@ -6,14 +6,17 @@ use crate::cli::run;
 use crate::support::workspace;
 
 #[test]
-fn the_screen_is_real() {
+fn the_screens_are_real() {
     let readme = fs::read_to_string(workspace().join("README.md")).unwrap();
-    let block = readme.split("```console\n").nth(1).unwrap().split("```").next().unwrap();
-    let (command, screen) = block.split_once('\n').unwrap();
-    let arguments: Vec<&str> = command.trim_start_matches("$ cobscope ").split(' ').collect();
-    let output = run(&arguments, "");
-    assert_eq!(output.stdout, screen);
-    assert_eq!(output.code, 0);
+    let blocks: Vec<&str> = readme.split("```console\n").skip(1).collect();
+    assert_eq!(blocks.len(), 2);
+    for block in blocks {
+        let (command, screen) = block.split("```").next().unwrap().split_once('\n').unwrap();
+        let arguments: Vec<&str> = command.trim_start_matches("$ cobscope ").split(' ').collect();
+        let output = run(&arguments, "");
+        assert_eq!(output.stdout, screen);
+        assert_eq!(output.code, 0);
+    }
 }
 
 #[test]
