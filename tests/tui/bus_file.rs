@@ -65,12 +65,62 @@ fn a_mistake_gives_4_and_its_place() {
     assert_eq!((missing.code, missing.stderr.contains("no/such.toml: cannot be read")), (4, true));
 }
 
+/// The examples of the document, by their place in it.
+fn example(place: usize) -> String {
+    let document = fs::read_to_string(workspace().join("docs/bus-file.md")).unwrap();
+    let block = document.split("```toml\n").nth(place).unwrap();
+    block.split("```").next().unwrap().to_owned()
+}
+
+/// A line the document shows.
+fn is_shown(line: &str) {
+    let document = fs::read_to_string(workspace().join("docs/bus-file.md")).unwrap();
+    assert!(document.contains(line), "{line}");
+}
+
 #[test]
 fn the_document_s_example_is_a_bus_file() {
-    let document = fs::read_to_string(workspace().join("docs/bus-file.md")).unwrap();
-    let example = document.split("```toml\n").nth(1).unwrap().split("```").next().unwrap();
-    let output = decode("example.toml", example, "(1700000000.0) can0 720#00\n");
+    let output = decode("example.toml", &example(1), "(1700000000.0) can0 720#00\n");
     assert!(output.contains("32/20 boom"), "{output}");
+}
+
+#[test]
+fn a_device_of_the_bus_file() {
+    // RE 30027-Z: 5208:02 = 00FA = 250 bar; 1FA0 = 8096 of 16383 = 49.4 %; 2000 = 8192 of 16383 × 250 bar.
+    let input = "(1.0) can0 082#\n(1.1) can0 602#4008520200000000\n(1.101) can0 582#4B085202FA000000\n\
+                 (1.2) can0 182#08A01F0020\n";
+    let output = decode("device.toml", &example(2), input);
+    let line = output.lines().find(|line| line.contains("TPDO1")).unwrap();
+    assert!(line.contains("angle 49.4 %") && line.contains("p 125.0 bar"), "{line}");
+    is_shown(line);
+    let unknown = file("no_device.toml", "[node.2]\ndevice = \"sydfec\"\n");
+    let output = run(&["decode", "--bus", unknown.to_str().unwrap()], input);
+    assert_eq!(output.code, 4);
+    assert!(output.stderr.contains("node 2: there is no profile 'sydfec'"), "{}", output.stderr);
+}
+
+#[test]
+fn a_unit_of_the_bus_file() {
+    // 1388 = 5000 thousandths.
+    let input = "(1.0) can0 601#4001660100000000\n(1.1) can0 581#4301660188130000\n";
+    let output = decode("unit.toml", &example(3), input);
+    assert!(output.contains("6601:01 Position actual value 1 = 5.000 mm ok"), "{output}");
+}
+
+#[test]
+fn areas_of_the_bus_file() {
+    // 00014D5A = 85338 / 327.67 = 260.4 bar; the discrete inputs follow in bytes 4 and 5, the status in 6 and 7.
+    let input = "(1.0) can0 1BF#5A4D010000010000\n(1.1) can0 23F#5A4D0100FF7F0000\n";
+    let output = decode("areas.toml", &example(4), input);
+    let line = output.lines().find(|line| line.contains("TPDO1")).unwrap();
+    assert!(line.contains("p A 260.4 bar, Discrete inputs 0100h enable"), "{line}");
+    is_shown(line);
+    // 00007FFF = 32767 / 327.67 = 100.0 %.
+    assert!(output.contains("p 260.4 bar, angle 100.0 %"), "{output}");
+    let path = file("area.toml", "[node.63]\ndevice = \"rexroth-vpcd\"\ntx_area = [\"2F10\"]\n");
+    let wrong = run(&["decode", "--bus", path.to_str().unwrap()], input);
+    assert_eq!(wrong.code, 4);
+    is_shown(&wrong.stderr.replace(path.to_str().unwrap(), "machine.toml"));
 }
 
 #[test]
