@@ -184,6 +184,12 @@ fn a_frame_of_the_device() {
     assert!(explain("082#8102100000000000").contains("rexroth-sydfec: swapped, 8102"));
     let abort = by("rexroth-sydfec", "582#8000100000000606");
     assert!(abort.contains("06060000  SDO abort code of SYDFEC: EEPROM loading error"), "{abort}");
+    // RE 29015, 4.2: words 2 and 3 mean what 6043 says. 01F4 = 500: 50.0 l/min or 500 of 16384; 05DC = 1500: 150.0 bar.
+    let modes = by("rexroth-ifb-iac", "205#0700F401DC05");
+    let flow = modes.split("if 6043:00 = -3 (pQ, Q closed loop):\n").nth(1).unwrap().lines().next().unwrap();
+    assert!(flow.contains("Q 50.0 l/min, p 150.0 bar"), "{modes}");
+    let position = modes.split("if 6043:00 = 2 (position closed loop):\n").nth(1).unwrap();
+    assert!(position.lines().next().unwrap().contains("position 3.1 %"), "{modes}");
     // Whichever node it is: 300 + 5 is its RPDO2, 700 + 5 its guarding.
     assert!(by("rexroth-sydfec", "305#01000000").contains("RPDO2 data"));
     assert_eq!(run(&["explain", "705#05", "--device", "rexroth-sydfec"], "").code, 0);

@@ -3,10 +3,12 @@
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-use cobscope_decoder::capture::{Batch, Item, ReadOptions, Reader};
+use cobscope_decoder::bus_file::ObjectValue;
+use cobscope_decoder::capture::{Batch, BusNames, Item, ReadOptions, Reader};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::frame::{CanId, Frame};
+use cobscope_decoder::profile::object::Numbers;
 use cobscope_decoder::profile::{self, Device, Owner};
 use cobscope_decoder::session::{AssignedBy, Assignment, Bus, ProtocolChoice, SessionOptions};
 use cobscope_decoder::sink::text::{PdoLines, Text, TextOptions};
@@ -14,45 +16,80 @@ use cobscope_decoder::wire::canopen::sdo::{self, Phase};
 
 use super::asked::Asked;
 use super::{code, identifier};
+use crate::cmd::describe::{FIRM, object::equals};
 
 /// The frame's readings; `None` if it is none.
 pub(super) fn frame(thing: &str, asked: &Asked) -> Option<String> {
     let line = format!("can0 {thing}\n");
     let mut reader = Reader::open(line.as_bytes(), &ReadOptions::default()).ok()?;
     let mut batch = Batch::new();
-    let mut head = String::new();
-    let mut lines = Vec::new();
-    let mut codes = Vec::new();
-    let mut frames = 0;
+    let mut readings = Vec::new();
     while reader.read(&mut batch).ok()? {
         for item in batch.items() {
             let Item::Frame(frame) = item else { continue };
+            let mut head = String::new();
             if let CanId::Standard(id) = frame.id {
                 head = identifier::identifier(id);
             }
             head.push_str(&command(frame));
-            let mut decoder = Decoder::new(options(frame.id, asked));
-            let mut text = Text::new(
-                &mut lines,
-                TextOptions {
-                    pdo: PdoLines::All,
-                    all: true,
-                    frames: true,
-                    verbose: true,
-                    ..TextOptions::default()
-                },
-            );
-            let mut see = |event: &Event, bus: &Bus| {
-                text.write(event, bus);
-                codes.extend(explained(event, asked));
-            };
-            // Without `finish`: a single frame of a transfer is no unfinished transfer.
-            decoder.push(frame, reader.buses(), &mut see);
-            frames += 1;
+            let mut codes = Vec::new();
+            let options = options(frame.id, asked);
+            let lines =
+                decoded(frame, reader.buses(), options, true, |event| codes.extend(explained(event, asked)));
+            readings.push(format!("{head}{lines}"));
+            readings.extend(by_mode(frame, reader.buses(), asked));
+            readings.extend(codes);
         }
     }
-    let text = format!("{head}{}", String::from_utf8_lossy(&lines));
-    (frames > 0).then(|| std::iter::once(text).chain(codes).collect::<Vec<_>>().join("\n"))
+    (!readings.is_empty()).then(|| readings.join("\n"))
+}
+
+/// What the decoder makes of the frame.
+fn decoded(
+    frame: &Frame,
+    names: &BusNames,
+    options: SessionOptions,
+    verbose: bool,
+    mut see: impl FnMut(&Event),
+) -> String {
+    let mut lines = Vec::new();
+    let mut decoder = Decoder::new(options);
+    let options =
+        TextOptions { pdo: PdoLines::All, all: true, frames: true, verbose, ..TextOptions::default() };
+    let mut text = Text::new(&mut lines, options);
+    // Without `finish`: a single frame of a transfer is no unfinished transfer.
+    decoder.push(frame, names, &mut |event: &Event, bus: &Bus| {
+        if verbose || matches!(event.kind, EventKind::Pdo(_)) {
+            text.write(event, bus);
+        }
+        see(event);
+    });
+    drop(text);
+    String::from_utf8_lossy(&lines).into_owned()
+}
+
+/// A PDO whose contents depend on an object of the device, once for each of its values.
+fn by_mode(frame: &Frame, names: &BusNames, asked: &Asked) -> Option<String> {
+    let device = asked.device.as_ref()?;
+    let CanId::Standard(id) = frame.id else { return None };
+    let Owner::Pdo(name, node) = profile::connection_set().owner(id) else { return None };
+    let mut text = String::new();
+    for pdo in device.pdos.iter().filter(|pdo| pdo.pdo == name && !pdo.fields.is_empty()) {
+        let Some(when) = &pdo.when else { continue };
+        let values = match &when.equals {
+            Numbers::One(one) => std::slice::from_ref(one),
+            Numbers::Any(any) => any.as_slice(),
+        };
+        for value in values {
+            let object = when.object.object;
+            let mut options = options(frame.id, asked);
+            options.bus_file.everywhere.objects.push((node, object, ObjectValue::Number(*value)));
+            let heading = equals(device, object, &Numbers::One(*value), "=");
+            let lines = decoded(frame, names, options, false, |_| {});
+            let _ = write!(text, "if {}:\n{lines}", heading.replace(FIRM, " "));
+        }
+    }
+    (!text.is_empty()).then_some(text)
 }
 
 /// The node of the frame is the device that was named.
