@@ -207,3 +207,16 @@ fn what_a_profile_s_grammar_does_not_show_is_found() {
     let missing = run(&["profiles", "check", "no/such.toml"], "");
     assert_eq!((missing.code, missing.stderr.contains("no/such.toml: ")), (4, true));
 }
+
+#[test]
+fn a_profile_of_the_user_explains_as_well() {
+    let right = folder("explain", PUMP);
+    let output = run(&["explain", "2001", "--device", "acme-pump", "--profiles", &path(&right)], "");
+    assert_eq!(output.code, 0, "{}", output.stderr);
+    assert!(output.stdout.contains("unit         bar = raw × 0.1\n"), "{}", output.stdout);
+    // Found by no name: a broken file is known by that of the file.
+    let broken = folder("explain_broken", "id = \"acme-pump\"\n[[object]]\nindx = 1\n");
+    let output = run(&["explain", "2001", "--device", "pump", "--profiles", &path(&broken)], "");
+    assert_eq!(output.code, 4);
+    assert!(output.stderr.contains("pump.toml:3:1: unknown field `indx`"), "{}", output.stderr);
+}
