@@ -209,7 +209,7 @@ mod tests {
             r#"
             [node.63]
             device = "rexroth-vpcd"
-            unit = { "6380:01" = "bar" }
+            unit = { "6601:01" = "mm" }
             tx_area = ["2F10/4", "2C74:00/2"]
             [bus.can1.node.63]
             eds = "pump.eds"
@@ -220,7 +220,7 @@ mod tests {
         assert_eq!(file.device_files().collect::<Vec<_>>(), [(Some("can1"), 63, "pump.eds")]);
         let area = file.area("can0", 63, "tx_area").unwrap();
         assert_eq!(area[1], AreaEntry { object: ObjectAddress::new(0x2C74, 0), bytes: 2 });
-        assert_eq!(file.units("can0").next().unwrap().2, "bar");
+        assert_eq!(file.units("can0").next().unwrap().2, "mm");
         fails("[node.5]\ntx_area = [\"2F10\"]", "2:12: an entry of an area is written 2F10/4");
         fails("[node.5]\nunit = { \"63\" = \"bar\", \"x\" = \"bar\" }", "an object is written 1018:01");
     }

@@ -88,9 +88,9 @@ impl<'a> Resolver<'a> {
         };
         let pick = Pick { mode, base: &entry.look };
         meaning.short = pick.of(|look| look.short.clone()).map(|short| found.numbered(&short));
-        let given = self.known.unit(found.address);
-        meaning.unit =
-            given.map(str::to_owned).or_else(|| pick.of(|look| look.unit.clone())).unwrap_or_default();
+        // The user's word is for what the manual leaves open: another unit on the same scale would be wrong.
+        let given = self.known.unit(found.address).map(str::to_owned);
+        meaning.unit = pick.of(|look| look.unit.clone()).or(given).unwrap_or_default();
         meaning.range = pick.of(|look| look.range);
         meaning.limits = pick.of(|look| look.limits);
         meaning.values = pick.of(|look| look.values.clone());
