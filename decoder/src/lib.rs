@@ -38,4 +38,5 @@ pub mod replay;
 pub mod session;
 pub mod sink;
 pub mod statistics;
+pub mod why;
 pub mod wire;

@@ -20,6 +20,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("query", &["frame", "wire", "profile", "event", "session"]),
     ("statistics", &["frame", "wire", "profile", "event", "session", "query"]),
     ("sink", &["frame", "wire", "profile", "event", "session", "query", "statistics"]),
+    ("why", &["frame", "wire", "profile", "event", "session", "query", "statistics", "sink"]),
     ("decoder", &["frame", "capture", "wire", "profile", "event", "session", "query", "statistics", "sink"]),
     ("replay", &["frame", "capture", "decoder"]),
 ];

@@ -30,6 +30,10 @@ pub enum Command {
     Stats(StatsArgs),
     /// Show what is known of the nodes' objects, and from where
     Objects(ObjectsArgs),
+    /// Say what went wrong first: the fault, the changes before it, closed gates, what to check
+    ///
+    /// The node is chosen by --node 5 and told what it is by --node 5=PROFILE; both may stand together.
+    Why(WhyArgs),
     /// Say what a code, an identifier, an object or one frame means
     ///
     /// THING is an SDO abort code (06020000), an EMCY code (8130), an object (1018:01, 0x1018:01,
@@ -229,6 +233,19 @@ pub struct ObjectsArgs {
     #[command(flatten)]
     pub input: InputArgs,
     /// Show them as they were then: 12.5 (seconds from the first frame), #1234 (frame), or a date and time
+    #[arg(long, value_name = "TIME")]
+    pub at: Option<Bound>,
+    /// Output format
+    #[arg(short, long, value_name = "FORMAT", default_value = "text")]
+    pub format: ReportFormat,
+}
+
+/// `cobscope why`.
+#[derive(Debug, Args)]
+pub struct WhyArgs {
+    #[command(flatten)]
+    pub input: InputArgs,
+    /// Look from this moment back, for the latest fault: 12.5 (seconds from the first frame), #1234 (frame), or a date and time
     #[arg(long, value_name = "TIME")]
     pub at: Option<Bound>,
     /// Output format

@@ -105,6 +105,24 @@ pub fn emcy_codes() -> &'static Codes {
     TABLE.get_or_init(|| parse("lookups/emcy_codes.toml"))
 }
 
+/// What to look at after a fault of a kind, likeliest first; empty for an unknown one.
+pub fn fault_hints(fault: &str) -> &'static [String] {
+    #[derive(Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Hint {
+        fault: String,
+        texts: Vec<String>,
+    }
+    #[derive(Default, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct File {
+        hint: Vec<Hint>,
+    }
+    static TABLE: OnceLock<File> = OnceLock::new();
+    let file = TABLE.get_or_init(|| parse("lookups/fault_hints.toml"));
+    file.hint.iter().find(|hint| hint.fault == fault).map_or(&[], |hint| &hint.texts)
+}
+
 /// Bits of the error register, object 0x1001.
 pub fn error_register() -> &'static Bits {
     #[derive(Default, Deserialize)]

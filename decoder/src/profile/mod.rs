@@ -28,7 +28,8 @@ pub use device::Device;
 pub use dictionary::{Dictionary, Entry, Found, Object};
 pub use layout::{Field, Layout, PdoDirection, PdoName, RawValue, Signal};
 pub use lookup::{
-    Bits, CanErrors, Code, Codes, LssNames, abort_codes, can_errors, emcy_codes, error_register, lss,
+    Bits, CanErrors, Code, Codes, LssNames, abort_codes, can_errors, emcy_codes, error_register, fault_hints,
+    lss,
 };
 
 pub use meaning::{Factor, Meaning, bit_words, integer, word};

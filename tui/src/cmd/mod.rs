@@ -10,6 +10,7 @@ mod profile_page;
 mod profiles;
 mod shell;
 mod stats;
+mod why;
 
 use std::io::Write as _;
 use std::path::Path;
@@ -32,6 +33,7 @@ pub fn run(cli: Cli) -> Exit {
         Command::Decode(arguments) => decode::run(&arguments),
         Command::Stats(arguments) => stats::run(&arguments),
         Command::Objects(arguments) => objects::run(&arguments),
+        Command::Why(arguments) => why::run(&arguments),
         Command::Explain { thing, device, profiles } => explain::run(&thing, device.as_deref(), &profiles),
         Command::Profiles { command, profiles } => profiles::run(&command, &input::catalogue(&profiles)),
         Command::Completions { shell } => shell::completions(shell),
@@ -124,7 +126,10 @@ fn decode_capture(
     }
     capture.progress.finish();
     decoder.finish(capture.reader.buses(), watcher);
-    warn_of_unknown_buses(path, options, capture.reader.buses());
+    // Of a capture that was not read to its end not all buses are known.
+    if !watcher.is_done() {
+        warn_of_unknown_buses(path, options, capture.reader.buses());
+    }
     match failure {
         Some(failure) if !has_frames => Err(failure),
         None if !has_frames => anyhow::bail!("{}: holds no frame", path.display()),

@@ -1,0 +1,119 @@
+//! Changes worth telling before a fault: the last few of a node and of its bus.
+
+use std::collections::VecDeque;
+
+use super::SHOWN;
+use crate::event::{Direction, Event, EventKind, Outcome, StateCause};
+
+/// Bytes kept of the data of a transfer.
+const DATA: usize = 256;
+
+/// Whom a change concerns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Reach {
+    /// One node.
+    Node(u8),
+    /// The whole bus.
+    Bus,
+}
+
+/// Whom an event concerns as a change; `None` for repetitions, PDOs, reads and whatever else says little.
+pub(super) fn reach(event: &Event) -> Option<Reach> {
+    let is_told = match &event.kind {
+        EventKind::NmtCommand { target, .. } => {
+            return Some(if *target == 0 { Reach::Bus } else { Reach::Node(*target) });
+        }
+        EventKind::CanError(_) | EventKind::BusSilent { .. } | EventKind::LostFrames { .. } => {
+            return Some(Reach::Bus);
+        }
+        EventKind::Sync { expected, .. } => return expected.map(|_| Reach::Bus),
+        // What a command presumes or a boot-up tells is in the line of that.
+        EventKind::NmtState(change) => !matches!(change.cause, StateCause::Command | StateCause::BootUp),
+        EventKind::GuardReply { toggle_error, .. } => *toggle_error,
+        EventKind::SdoTransfer(transfer) => {
+            transfer.direction == Some(Direction::Download)
+                && matches!(transfer.outcome, Outcome::Complete | Outcome::Aborted | Outcome::Timeout)
+        }
+        EventKind::BootUp { .. }
+        | EventKind::NodeLost(_)
+        | EventKind::NodeBack(_)
+        | EventKind::Emcy(_)
+        | EventKind::NodeIdChange { .. }
+        | EventKind::DeviceState(_)
+        | EventKind::BitsChanged(_)
+        | EventKind::SetPoint(_)
+        | EventKind::Mode(_)
+        | EventKind::Procedure(_) => true,
+        _ => false,
+    };
+    event.node.filter(|_| is_told).map(Reach::Node)
+}
+
+/// Whether of two changes only the later one is worth a line.
+fn replaces(new: &EventKind, old: &EventKind) -> bool {
+    match (new, old) {
+        (EventKind::SetPoint(new), EventKind::SetPoint(old)) => {
+            (new.object, new.channel, new.pdo) == (old.object, old.channel, old.pdo)
+        }
+        (EventKind::BitsChanged(new), EventKind::BitsChanged(old)) => {
+            (new.object, &new.set, &new.cleared) == (old.object, &old.set, &old.cleared)
+        }
+        (EventKind::Emcy(new), EventKind::Emcy(old)) => (new.code, new.action) == (old.code, old.action),
+        (EventKind::SdoTransfer(new), EventKind::SdoTransfer(old)) => {
+            (new.object, new.outcome) == (old.object, old.outcome)
+        }
+        (EventKind::CanError(new), EventKind::CanError(old)) => {
+            (new.classes, new.controller) == (old.classes, old.controller)
+        }
+        (
+            EventKind::NmtCommand { service: new, target: to, .. },
+            EventKind::NmtCommand { service: old, target: of, .. },
+        ) => (new, to) == (old, of),
+        (EventKind::Sync { .. }, EventKind::Sync { .. })
+        | (EventKind::GuardReply { .. }, EventKind::GuardReply { .. }) => true,
+        _ => false,
+    }
+}
+
+/// The last few changes.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Changes(VecDeque<(u64, Event)>);
+
+impl Changes {
+    /// Remembers a change; `sequence` counts all events of the bus.
+    pub(super) fn add(&mut self, sequence: u64, event: &Event) {
+        if let Some(place) = self.0.iter().position(|(_, old)| replaces(&event.kind, &old.kind)) {
+            self.0.remove(place);
+        }
+        self.0.push_back((sequence, short(event)));
+        if self.0.len() > SHOWN {
+            self.0.pop_front();
+        }
+    }
+
+    /// Those of a node and of its bus behind an event, oldest first.
+    pub(super) fn last<'a>(lists: impl IntoIterator<Item = &'a Self>, behind: u64) -> Vec<Event> {
+        let all = lists.into_iter().flat_map(|list| &list.0).filter(|(sequence, _)| *sequence > behind);
+        let mut all: Vec<_> = all.collect();
+        all.sort_by_key(|(sequence, _)| *sequence);
+        let old = all.len().saturating_sub(SHOWN);
+        all.into_iter().skip(old).map(|(_, event)| event.clone()).collect()
+    }
+}
+
+/// The event without the bulk of long data.
+pub(super) fn short(event: &Event) -> Event {
+    match &event.kind {
+        EventKind::SdoTransfer(transfer) if transfer.data.len() > DATA => {
+            let mut transfer = transfer.clone();
+            transfer.data.truncate(DATA);
+            transfer.data.shrink_to_fit();
+            transfer.truncated = true;
+            if let Some(previous) = &mut transfer.previous {
+                previous.truncate(DATA);
+            }
+            Event { kind: EventKind::SdoTransfer(transfer), ..event.clone() }
+        }
+        _ => event.clone(),
+    }
+}

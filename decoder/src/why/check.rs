@@ -1,0 +1,119 @@
+//! What to check: the device's own words first, then those of code tables, then general ones.
+
+use super::fault::FaultKind;
+use super::state::NodeState;
+use crate::profile::{self, Device};
+use crate::wire::canopen::NmtState;
+
+/// Things to check that are told.
+const COUNT: usize = 3;
+
+/// One thing to check.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Check {
+    /// For people.
+    pub text: String,
+    /// Section of the device's manual, where that says it.
+    pub section: String,
+    /// What it comes from: `emcy`, `gate`, `state`, `code`, `general`.
+    pub by: &'static str,
+}
+
+/// What the checks are made of.
+pub(super) struct Ground<'a> {
+    /// Faults, first first.
+    pub(super) kinds: &'a [FaultKind],
+    /// The device, if known.
+    pub(super) device: Option<&'a Device>,
+    /// How the node stands.
+    pub(super) state: Option<&'a NodeState>,
+    /// The moment asked for is another than that of the fault: gates as they stand go first.
+    pub(super) gates_first: bool,
+}
+
+/// At most three, likeliest first.
+pub(super) fn checks(ground: &Ground<'_>) -> Vec<Check> {
+    let mut all = Vec::new();
+    let whole_node = ground.kinds.first().is_some_and(|kind| kind.is_of_the_whole_node());
+    if ground.gates_first {
+        gates(ground, &mut all);
+    }
+    causes(ground, &mut all);
+    if whole_node {
+        general(ground, &mut all);
+    }
+    gates(ground, &mut all);
+    ways_out(ground, &mut all);
+    codes(ground, &mut all);
+    general(ground, &mut all);
+    all.truncate(COUNT);
+    all
+}
+
+fn add(all: &mut Vec<Check>, text: &str, section: &str, by: &'static str) {
+    if !text.is_empty() && !all.iter().any(|known| known.text == text) {
+        all.push(Check { text: text.to_owned(), section: section.to_owned(), by });
+    }
+}
+
+/// Causes the device's manual names for the code.
+fn causes(ground: &Ground<'_>, all: &mut Vec<Check>) {
+    let Some(device) = ground.device else { return };
+    for kind in ground.kinds {
+        let FaultKind::Emcy(code) = kind else { continue };
+        let Some(error) = device.error(*code) else { continue };
+        for cause in &error.causes {
+            add(all, cause, &error.source, "emcy");
+        }
+    }
+}
+
+/// What closed gates want.
+fn gates(ground: &Ground<'_>, all: &mut Vec<Check>) {
+    for gate in ground.state.into_iter().flat_map(NodeState::closed) {
+        let text = match (gate.check.as_str(), gate.text.as_str()) {
+            ("", "") => gate.gate.clone(),
+            ("", text) => format!("{}: {text}", gate.gate),
+            (check, _) => check.to_owned(),
+        };
+        add(all, &text, &gate.source, "gate");
+    }
+}
+
+/// How the device's state is left, where its manual says something of it.
+fn ways_out(ground: &Ground<'_>, all: &mut Vec<Check>) {
+    let (Some(device), Some(state)) = (ground.device, ground.state) else { return };
+    // Out of operational a control word does nothing.
+    if state.nmt.is_some_and(|nmt| nmt.state != NmtState::Operational) {
+        return;
+    }
+    for (channel, name) in &state.states {
+        let machines = device.machines.iter().filter(|machine| machine.channel == *channel);
+        for machine in machines {
+            let is_fault = machine.states.iter().any(|state| state.name == *name && state.fault);
+            let from = machine.transitions.iter().filter(|it| it.from.0.contains(name) && it.to != *name);
+            for (it, text) in from.filter_map(|it| Some((it, it.text.as_deref()?))).filter(|_| is_fault) {
+                let text = format!("from {name} to {}: {text}", it.to);
+                add(all, &text, &machine.source, "state");
+            }
+        }
+    }
+}
+
+/// What tables of codes say.
+fn codes(ground: &Ground<'_>, all: &mut Vec<Check>) {
+    for kind in ground.kinds {
+        let entry = match kind {
+            FaultKind::Emcy(code) => profile::emcy_codes().find(u32::from(*code)),
+            FaultKind::Refused(code) => profile::abort_codes().find(*code),
+            _ => None,
+        };
+        add(all, entry.map_or("", |entry| &entry.hint), "", "code");
+    }
+}
+
+fn general(ground: &Ground<'_>, all: &mut Vec<Check>) {
+    for text in ground.kinds.iter().flat_map(|kind| profile::fault_hints(kind.name())) {
+        add(all, text, "", "general");
+    }
+}

@@ -1,0 +1,221 @@
+//! Which events are faults, and how grave they are.
+
+use crate::event::{
+    BootCause, DeviceCause, DeviceState, Direction, EmcyAction, Event, EventKind, Outcome, SdoTransfer,
+    StateCause, StateChange,
+};
+use crate::profile;
+use crate::session::Node;
+use crate::wire::canopen::NmtState;
+use crate::wire::error_frame::ErrorFrame;
+
+/// How grave a fault is; a lesser one counts only where there is no graver one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Grade {
+    /// Something the device refused.
+    Refused,
+    /// Something does not act, though nothing is broken.
+    Minor,
+    /// A fault.
+    Fault,
+}
+
+/// What went wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FaultKind {
+    /// An EMCY with this code.
+    Emcy(u16),
+    /// The device reports a fault nobody commanded.
+    DeviceState,
+    /// Life guarding expired.
+    LifeGuard,
+    /// A node fell silent.
+    NodeLost,
+    /// A node that was operational started anew without a command.
+    Restart,
+    /// A node left operational without a command.
+    LeftOperational,
+    /// The controller of the recorder is error-passive or bus-off.
+    BusError,
+    /// An NMT command forced the device into a fault state.
+    CommandedFault,
+    /// A set point other than 0 does not act.
+    SetPoint,
+    /// The device left the state in which set points act; nothing on the bus explains it.
+    LeftActive,
+    /// A procedure failed.
+    Procedure,
+    /// A write was refused with this code.
+    Refused(u32),
+}
+
+impl FaultKind {
+    /// The name used in all output, and in `lookups/fault_hints.toml`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Emcy(_) => "emcy",
+            Self::DeviceState => "device-state",
+            Self::LifeGuard => "life-guard",
+            Self::NodeLost => "node-lost",
+            Self::Restart => "restart",
+            Self::LeftOperational => "left-operational",
+            Self::BusError => "bus-error",
+            Self::CommandedFault => "commanded-fault",
+            Self::SetPoint => "set-point",
+            Self::LeftActive => "left-active",
+            Self::Procedure => "procedure",
+            Self::Refused(_) => "sdo-refused",
+        }
+    }
+
+    /// How grave it is.
+    pub const fn grade(self) -> Grade {
+        match self {
+            Self::Emcy(_)
+            | Self::DeviceState
+            | Self::LifeGuard
+            | Self::NodeLost
+            | Self::Restart
+            | Self::LeftOperational
+            | Self::BusError => Grade::Fault,
+            Self::CommandedFault | Self::SetPoint | Self::LeftActive | Self::Procedure => Grade::Minor,
+            Self::Refused(_) => Grade::Refused,
+        }
+    }
+
+    /// For people, where there is no fault: `set point without effect`.
+    pub const fn title(self) -> &'static str {
+        match self {
+            Self::CommandedFault => "fault state after an NMT command",
+            Self::SetPoint => "set point without effect",
+            Self::LeftActive => "active state left, nothing on the bus explains it",
+            Self::Procedure => "procedure that failed",
+            Self::Refused(_) => "refused write",
+            _ => "fault",
+        }
+    }
+
+    /// Whether the causes lie outside the node's own gates: they are closed as a consequence.
+    pub const fn is_of_the_whole_node(self) -> bool {
+        matches!(
+            self,
+            Self::NodeLost | Self::Restart | Self::BusError | Self::LifeGuard | Self::LeftOperational
+        )
+    }
+}
+
+/// The fault an event is; `node` as it is behind the event, `was_operational` before it.
+pub(super) fn of(event: &Event, node: Option<&Node>, was_operational: bool) -> Option<FaultKind> {
+    match &event.kind {
+        EventKind::Emcy(emergency) => match emergency.code {
+            Some(code) if code != 0 && emergency.action == EmcyAction::Raised => Some(FaultKind::Emcy(code)),
+            _ => emergency.boot.and_then(|boot| restart(boot, was_operational)),
+        },
+        EventKind::BootUp { cause, .. } => restart(*cause, was_operational),
+        EventKind::NodeLost(_) => Some(FaultKind::NodeLost),
+        EventKind::NmtState(change) => nmt_state(change),
+        EventKind::DeviceState(state) => device_state(state, node),
+        EventKind::CanError(error) => is_grave(*error).then_some(FaultKind::BusError),
+        EventKind::Procedure(procedure) => (procedure.status == "error").then_some(FaultKind::Procedure),
+        EventKind::SdoTransfer(transfer) => refused(transfer),
+        _ => None,
+    }
+}
+
+fn restart(cause: BootCause, was_operational: bool) -> Option<FaultKind> {
+    let is_own = matches!(cause, BootCause::PresumedPowerOn { .. });
+    (is_own && was_operational).then_some(FaultKind::Restart)
+}
+
+fn nmt_state(change: &StateChange) -> Option<FaultKind> {
+    match change.cause {
+        StateCause::LifeGuard => Some(FaultKind::LifeGuard),
+        // A command would have been presumed before.
+        StateCause::Heartbeat | StateCause::GuardReply
+            if change.from == Some(NmtState::Operational) && change.to != NmtState::Operational =>
+        {
+            Some(FaultKind::LeftOperational)
+        }
+        _ => None,
+    }
+}
+
+fn device_state(state: &DeviceState, node: Option<&Node>) -> Option<FaultKind> {
+    match (state.fault, state.cause) {
+        (true, DeviceCause::ControlWord) => None,
+        (true, DeviceCause::NmtCommand) => Some(FaultKind::CommandedFault),
+        (true, DeviceCause::LifeGuard) => Some(FaultKind::LifeGuard),
+        (true, _) => Some(FaultKind::DeviceState),
+        (false, DeviceCause::NotOnTheBus) => left_active(state, node?).then_some(FaultKind::LeftActive),
+        (false, _) => None,
+    }
+}
+
+fn left_active(state: &DeviceState, node: &Node) -> bool {
+    let machine = node.device().machines.iter().find(|machine| machine.name == state.machine);
+    let is_active = |name: &str| {
+        machine.is_some_and(|machine| machine.states.iter().any(|state| state.name == name && state.active))
+    };
+    state.from.as_deref().is_some_and(is_active) && !is_active(&state.to)
+}
+
+/// Error-passive or bus-off.
+fn is_grave(error: ErrorFrame) -> bool {
+    let names = profile::can_errors();
+    let has_class = |wanted| names.classes.names(error.classes).any(|name| name == wanted);
+    let is_passive = |name: &str| matches!(name, "rx-passive" | "tx-passive");
+    has_class("bus-off")
+        || has_class("controller") && names.controller.names(u32::from(error.controller)).any(is_passive)
+}
+
+/// A write the server refused. Reads are refused all the time, by scans.
+fn refused(transfer: &SdoTransfer) -> Option<FaultKind> {
+    let abort = transfer.abort.filter(|abort| !abort.by_client)?;
+    let is_write = transfer.direction == Some(Direction::Download) && transfer.outcome == Outcome::Aborted;
+    is_write.then_some(FaultKind::Refused(abort.code))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_kind_has_three_hints() {
+        let all = [
+            FaultKind::Emcy(0),
+            FaultKind::DeviceState,
+            FaultKind::LifeGuard,
+            FaultKind::NodeLost,
+            FaultKind::Restart,
+            FaultKind::LeftOperational,
+            FaultKind::BusError,
+            FaultKind::CommandedFault,
+            FaultKind::SetPoint,
+            FaultKind::LeftActive,
+            FaultKind::Procedure,
+            FaultKind::Refused(0),
+        ];
+        for kind in all {
+            assert_eq!(profile::fault_hints(kind.name()).len(), 3, "{}", kind.name());
+        }
+        assert!(profile::fault_hints("no such fault").is_empty());
+    }
+
+    #[test]
+    fn passive_and_off_are_grave() {
+        let error = |classes, controller| ErrorFrame {
+            classes,
+            arbitration_bit: 0,
+            controller,
+            protocol: 0,
+            location: 0,
+            transceiver: 0,
+            transmit_errors: 0,
+            receive_errors: 0,
+        };
+        // linux/can/error.h: class 0x004 controller, 0x040 bus-off; passive 0x10 and 0x20, warning 0x04 and 0x08.
+        assert!(is_grave(error(0x040, 0)));
+        assert!(is_grave(error(0x004, 0x10)) && is_grave(error(0x204, 0x20)));
+        assert!(!is_grave(error(0x004, 0x0C)) && !is_grave(error(0x080, 0x10)));
+    }
+}

@@ -1,0 +1,99 @@
+//! How a node stands at a moment: states, set points, gates.
+
+use crate::event::{Effective, SetPoint};
+use crate::frame::BusIndex;
+use crate::session::{Bus, GateState, GateStatus, NmtStatus, Node};
+
+/// How a node stands.
+#[derive(Debug, Clone)]
+pub struct NodeState {
+    /// Its bus.
+    pub bus: BusIndex,
+    /// Its node-ID.
+    pub node: u8,
+    /// NMT state, if known.
+    pub nmt: Option<NmtStatus>,
+    /// States the device reports, with the number of the output where there are several.
+    pub states: Vec<(Option<u8>, String)>,
+    /// It is silent longer than its monitoring allows.
+    pub lost: bool,
+    /// Codes of active errors.
+    pub errors: Vec<u16>,
+    /// Set points seen.
+    pub set_points: Vec<PointState>,
+}
+
+/// How a set point stands.
+#[derive(Debug, Clone)]
+pub struct PointState {
+    /// The set point as it came last.
+    pub point: SetPoint,
+    /// Whether it acts.
+    pub effective: Effective,
+    /// Its gates: closed, open, unknown.
+    pub gates: Vec<GateState>,
+}
+
+impl NodeState {
+    /// How a node stands now, with the set points seen of it.
+    pub(super) fn now(bus: &Bus, id: u8, points: &[SetPoint]) -> Self {
+        let node = bus.node(id);
+        let states = node.into_iter().flat_map(Node::device_states);
+        let gates = bus.gates(id);
+        Self {
+            bus: bus.index(),
+            node: id,
+            nmt: node.and_then(Node::nmt),
+            states: states.map(|(channel, state)| (channel, state.name.clone())).collect(),
+            lost: node.is_some_and(Node::is_lost),
+            errors: node.map_or_else(Vec::new, |node| node.active_errors().to_vec()),
+            set_points: points.iter().map(|point| PointState::new(point, &gates)).collect(),
+        }
+    }
+
+    /// Whether any set point surely does not act.
+    pub fn has_closed_gate(&self) -> bool {
+        self.set_points.iter().any(|point| point.effective == Effective::No)
+    }
+
+    /// Gates that are closed, each once.
+    pub fn closed(&self) -> Vec<&GateState> {
+        let mut closed: Vec<&GateState> = Vec::new();
+        let gates = self.set_points.iter().flat_map(|point| &point.gates);
+        for gate in gates.filter(|gate| gate.status == GateStatus::Closed) {
+            if !closed.iter().any(|known| known.gate == gate.gate && known.text == gate.text) {
+                closed.push(gate);
+            }
+        }
+        closed
+    }
+}
+
+impl PointState {
+    fn new(point: &SetPoint, gates: &[GateState]) -> Self {
+        let mut gates: Vec<_> = gates.iter().filter(|gate| gate.set_point == point.object).cloned().collect();
+        gates.sort_by_key(|gate| match gate.status {
+            GateStatus::Closed => 0,
+            GateStatus::Open => 1,
+            GateStatus::Unknown => 2,
+            GateStatus::Invisible => 3,
+        });
+        let any = |status| gates.iter().any(|gate| gate.status == status);
+        let effective = match () {
+            () if gates.is_empty() => point.effective,
+            () if any(GateStatus::Closed) => Effective::No,
+            () if any(GateStatus::Unknown) => Effective::Unknown,
+            () => Effective::Yes,
+        };
+        Self { point: point.clone(), effective, gates }
+    }
+
+    /// Whether another one stands the same way, gate by gate.
+    pub fn stands_like(&self, other: &Self) -> bool {
+        let seen = |point: &Self| {
+            let gates = point.gates.iter().map(|gate| (gate.gate.clone(), gate.status, gate.detail.clone()));
+            gates.collect::<Vec<_>>()
+        };
+        self.effective == other.effective && seen(self) == seen(other)
+    }
+}

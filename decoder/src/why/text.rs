@@ -1,0 +1,305 @@
+//! The answer for people; events look as they do in the decode view.
+
+use std::fmt::Write as _;
+
+use super::cadence::{Quiet, Rhythm};
+use super::fault::{FaultKind, Grade};
+use super::moment::Moment;
+use super::state::{NodeState, PointState};
+use super::{Report, Suggestion};
+use crate::event::{Certainty, Effective, Event, SetPoint};
+use crate::frame::{BusIndex, Timestamp};
+use crate::session::{Bus, GateState, GateStatus};
+use crate::sink::escape;
+use crate::sink::text::{PdoLines, Text, TextOptions};
+
+/// What the text needs besides the answer.
+#[derive(Debug, Clone, Copy)]
+pub struct Setting<'a> {
+    /// Buses of the decoder.
+    pub buses: &'a [Bus],
+    /// Time of the first frame.
+    pub first: Option<Timestamp>,
+    /// The moment asked for, as people read it.
+    pub at: Option<&'a str>,
+}
+
+/// Writes the answer.
+pub fn write(report: &Report, setting: &Setting<'_>, output: &mut String) {
+    let mut page = Page { setting, output };
+    for (bus, reason) in &report.doubts {
+        page.line(0, &format!("bus {} is not taken for CANopen: {reason}", page.bus_name(*bus)));
+    }
+    page.headline(report);
+    if let Some(moment) = &report.moment {
+        page.moment(moment);
+    }
+    page.quiet(report);
+    if !report.since.is_empty() {
+        page.line(0, if report.moment.is_some() { "since then" } else { "last changes" });
+        page.events(&report.since);
+    }
+    page.states(report);
+    page.checks(report);
+    page.suggestions(&report.suggestions);
+}
+
+struct Page<'a> {
+    setting: &'a Setting<'a>,
+    output: &'a mut String,
+}
+
+impl Page<'_> {
+    /// A line, every level two blanks in.
+    fn line(&mut self, level: usize, text: &str) {
+        let _ = writeln!(self.output, "{}{}", "  ".repeat(level), escape(text));
+    }
+
+    fn bus(&self, index: BusIndex) -> Option<&Bus> {
+        self.setting.buses.iter().find(|bus| bus.index() == index)
+    }
+
+    fn bus_name(&self, index: BusIndex) -> String {
+        self.bus(index).map_or_else(|| index.0.to_string(), |bus| bus.name().to_owned())
+    }
+
+    /// `node 32/20 boom (PVEA, danfoss-pve-ci)`.
+    fn node(&self, index: BusIndex, id: u8) -> String {
+        let node = self.bus(index).and_then(|bus| bus.node(id));
+        let mut text = format!("node {id}/{id:02X}");
+        if let Some(name) = node.and_then(|node| node.name()) {
+            let _ = write!(text, " {name}");
+        }
+        if let Some((title, device)) = node.and_then(|node| node.device_title().zip(node.device_id())) {
+            let _ = write!(text, " ({title}, {device})");
+        }
+        if self.setting.buses.len() > 1 {
+            let _ = write!(text, " on {}", self.bus_name(index));
+        }
+        text
+    }
+
+    /// `371.204 s`, or `frame 12` in a capture without times.
+    fn when(&self, moment: &Moment) -> String {
+        match moment.time.zip(self.setting.first) {
+            Some((time, first)) => format!("{} s", seconds(time.since(first))),
+            None => format!("frame {}", moment.frame),
+        }
+    }
+
+    fn headline(&mut self, report: &Report) {
+        let end = match self.setting.at {
+            Some(at) => format!("up to {at}"),
+            None => "in this capture".into(),
+        };
+        if let (Some(others), Some(chosen)) = (&report.others, &report.question.chosen) {
+            let others: Vec<_> = others.iter().map(u8::to_string).collect();
+            let others = if others.is_empty() { "none".into() } else { others.join(", ") };
+            self.line(0, &format!("node {0}/{0:02X} is not heard {end}; nodes heard: {others}", chosen.node));
+        }
+        let Some(moment) = &report.moment else {
+            return self.line(0, &format!("no fault {end}"));
+        };
+        let which = if report.question.latest { "last" } else { "first" };
+        let kind = moment.kinds.iter().max_by_key(|kind| kind.grade());
+        let fault = match moment.grade() {
+            Grade::Fault if report.question.latest => format!("last fault {end}:"),
+            Grade::Fault => format!("{which} fault"),
+            _ => format!("no fault {end}; {which} {}", kind.map_or("fault", |kind| FaultKind::title(*kind))),
+        };
+        let place = match moment.node {
+            Some(id) => self.node(moment.bus, id),
+            None => format!("bus {}", self.bus_name(moment.bus)),
+        };
+        let when = self.when(moment);
+        let presumed = if report.is_presumed { ", if this is CANopen" } else { "" };
+        let at = if moment.time.is_some() && self.setting.first.is_some() { "at" } else { "in" };
+        self.line(0, &format!("{fault} {at} {when}, {place}{presumed}"));
+    }
+
+    fn moment(&mut self, moment: &Moment) {
+        self.events(&moment.events);
+        if moment.more > 0 {
+            self.line(1, &format!("and {} more", moment.more));
+        }
+        self.line(0, "before it");
+        if moment.before.is_empty() {
+            self.line(1, "no change seen");
+        }
+        self.events(&moment.before);
+    }
+
+    /// Events as the decode view prints them.
+    fn events(&mut self, events: &[Event]) {
+        for event in events {
+            let Some(bus) = self.bus(event.bus) else { continue };
+            let mut line = Vec::new();
+            let options = TextOptions { all: true, pdo: PdoLines::All, ..TextOptions::default() };
+            let mut text = Text::new(&mut line, options);
+            text.see(self.setting.first);
+            text.write(event, bus);
+            drop(text);
+            let line = String::from_utf8_lossy(&line).into_owned();
+            self.line(1, line.trim_end());
+        }
+    }
+
+    fn quiet(&mut self, report: &Report) {
+        if report.quiet.is_empty() {
+            return;
+        }
+        match self.setting.at {
+            Some(at) => self.line(0, &format!("silent at {at}")),
+            None => self.line(0, "silent then"),
+        }
+        for Quiet { what, gap, usual, last_frame } in &report.quiet {
+            let what = match what {
+                Rhythm::Sync => "SYNC".to_owned(),
+                Rhythm::Guarding => "guarding requests".to_owned(),
+                Rhythm::Rpdo(name) => name.to_string(),
+            };
+            let (gap, usual) = (seconds(*gap), seconds(*usual));
+            self.line(1, &format!("{what} for {gap} s, before every {usual} s {{{last_frame}}}"));
+        }
+    }
+
+    fn states(&mut self, report: &Report) {
+        let when = match (self.setting.at, &report.moment) {
+            (Some(at), _) => format!("at {at}"),
+            (None, Some(_)) => "then".to_owned(),
+            (None, None) => "at the end".to_owned(),
+        };
+        for state in &report.nodes {
+            let is_of_fault = report.moment.as_ref().is_some_and(|moment| moment.node == Some(state.node));
+            let of =
+                if is_of_fault { String::new() } else { format!(", {}", self.node(state.bus, state.node)) };
+            self.line(0, &format!("set points and gates {when}{of}"));
+            self.line(1, &standing(state));
+            let has_profile = self.bus(state.bus).and_then(|bus| bus.node(state.node)?.assigned()).is_some();
+            if !has_profile {
+                self.line(
+                    1,
+                    "its set points are not known: no profile is assigned to it (--node ID=PROFILE)",
+                );
+            } else if state.set_points.is_empty() {
+                self.line(1, "no set point seen");
+            }
+            self.points(&state.set_points);
+        }
+    }
+
+    /// Set points that stand alike share their gates.
+    fn points(&mut self, points: &[PointState]) {
+        let mut told = Vec::new();
+        for (place, point) in points.iter().enumerate() {
+            if told.contains(&place) {
+                continue;
+            }
+            let alike = points.iter().enumerate().skip(place).filter(|(_, other)| other.stands_like(point));
+            let alike: Vec<usize> = alike.map(|(place, _)| place).collect();
+            let words: Vec<_> =
+                alike.iter().filter_map(|place| points.get(*place)).map(|it| value(&it.point)).collect();
+            let effective = match point.effective {
+                Effective::Yes => "effective",
+                Effective::No => "NOT effective",
+                Effective::Unknown => "effective? not known",
+            };
+            self.line(1, &format!("{}: {effective}", words.join(", ")));
+            self.gates(&point.gates);
+            told.extend(alike);
+        }
+    }
+
+    /// Closed ones and those that are not known line by line, the others in one.
+    fn gates(&mut self, gates: &[GateState]) {
+        let names = |status| {
+            let names = gates.iter().filter(|gate| gate.status == status).map(|gate| gate.gate.as_str());
+            names.collect::<Vec<_>>().join(", ")
+        };
+        let detail = |gate: &GateState, before: &str, behind: &str| match gate.detail.as_str() {
+            "" => String::new(),
+            detail => format!("{before}{detail}{behind}"),
+        };
+        for gate in gates.iter().filter(|gate| gate.status == GateStatus::Closed) {
+            self.line(2, &format!("closed   {}{}", gate.gate, detail(gate, ": ", "")));
+        }
+        let (open, invisible) = (names(GateStatus::Open), names(GateStatus::Invisible));
+        if !open.is_empty() {
+            self.line(2, &format!("open     {open}"));
+        }
+        for gate in gates.iter().filter(|gate| gate.status == GateStatus::Unknown) {
+            self.line(2, &format!("unknown  {}{}", gate.gate, detail(gate, " (", ")")));
+        }
+        if !invisible.is_empty() {
+            self.line(2, &format!("unknown  {invisible} (never on the bus)"));
+        }
+    }
+
+    fn checks(&mut self, report: &Report) {
+        let has_section = report.checks.iter().any(|check| !check.section.is_empty());
+        if has_section && !report.document.is_empty() {
+            self.line(0, &format!("check ({})", report.document));
+        } else if !report.checks.is_empty() {
+            self.line(0, "check");
+        }
+        for (number, check) in (1..).zip(&report.checks) {
+            let section =
+                if check.section.is_empty() { String::new() } else { format!(" ({})", check.section) };
+            self.line(1, &format!("{number}. {}{section}", check.text));
+        }
+    }
+
+    fn suggestions(&mut self, suggestions: &[Suggestion]) {
+        if !suggestions.is_empty() {
+            self.line(0, "profiles that may fit, by behaviour alone");
+        }
+        for Suggestion { bus, node, profile, title, because } in suggestions {
+            let place = if self.setting.buses.len() > 1 {
+                format!("{}:", self.bus_name(*bus))
+            } else {
+                String::new()
+            };
+            let because = because.join("; ");
+            self.line(
+                1,
+                &format!(
+                    "node {node}/{node:02X} behaves like {title}: --node {place}{node}={profile} ({because})"
+                ),
+            );
+        }
+    }
+}
+
+/// `operational, FAULT HOLD, error 8305`.
+fn standing(state: &NodeState) -> String {
+    let mut words = vec![match state.nmt {
+        Some(nmt) if nmt.certainty == Certainty::Confirmed => nmt.state.name().to_owned(),
+        Some(nmt) => format!("{}?", nmt.state.name()),
+        None => "NMT state not seen".to_owned(),
+    }];
+    if state.lost {
+        words.push("silent".into());
+    }
+    for (channel, name) in &state.states {
+        let channel = channel.map_or(String::new(), |channel| format!("c{channel} "));
+        words.push(format!("{channel}{name}"));
+    }
+    for code in &state.errors {
+        words.push(format!("error {code:04X}"));
+    }
+    words.join(", ")
+}
+
+/// `c2 position +37.5 %`.
+fn value(point: &SetPoint) -> String {
+    let channel = point.channel.map_or(String::new(), |channel| format!("c{channel} "));
+    let doubt = if point.assumed { "?" } else { "" };
+    format!("{channel}{} {}{doubt}", point.signal, point.to.text)
+}
+
+/// Seconds with three digits, cut.
+fn seconds(nanoseconds: i64) -> String {
+    let sign = if nanoseconds < 0 { "-" } else { "" };
+    let milliseconds = nanoseconds.unsigned_abs() / 1_000_000;
+    format!("{sign}{}.{:03}", milliseconds / 1_000, milliseconds % 1_000)
+}

@@ -1,0 +1,168 @@
+//! The answer as one JSON object; events are those of `decode -f jsonl`.
+
+use cobscope_decoder::event::{Certainty, Event};
+use cobscope_decoder::frame::{BusIndex, Timestamp};
+use cobscope_decoder::session::Bus;
+use cobscope_decoder::sink::jsonl::Jsonl;
+use cobscope_decoder::why::{Grade, Moment, NodeState, PointState, Quiet, Report, Rhythm};
+use serde_json::{Value, json};
+
+/// One line, without its end. Events are put in as they are: their times have more digits than a float.
+pub(super) fn line(
+    report: &Report,
+    buses: &[Bus],
+    first: Option<Timestamp>,
+    at: Option<&str>,
+    capture: &str,
+) -> String {
+    let page = Page { buses, first };
+    let chosen = report.question.chosen.as_ref();
+    let fault = report.moment.as_ref().map_or("null".to_owned(), |moment| page.moment(moment));
+    let before = report.moment.as_ref().map_or(&[][..], |moment| &moment.before);
+    let checks = report.checks.iter().map(|it| json!({"text": it.text, "section": it.section, "by": it.by}));
+    let suggestions = report.suggestions.iter().map(|it| {
+        json!({
+            "bus": page.bus_name(it.bus),
+            "node": it.node,
+            "profile": it.profile,
+            "title": it.title,
+            "because": it.because,
+        })
+    });
+    let doubts =
+        report.doubts.iter().map(|(bus, reason)| json!({"bus": page.bus_name(*bus), "reason": reason}));
+    let members = [
+        ("capture", json!(capture).to_string()),
+        ("node", json!(chosen.map(|chosen| chosen.node)).to_string()),
+        ("at", json!(at).to_string()),
+        ("fault", fault),
+        ("presumed", report.is_presumed.to_string()),
+        ("before", page.events(before)),
+        ("since", page.events(&report.since)),
+        ("silent", list(report.quiet.iter().map(quiet))),
+        ("nodes", list(report.nodes.iter().map(|state| page.node(state)))),
+        ("checks", list(checks)),
+        ("document", json!(report.document).to_string()),
+        ("suggestions", list(suggestions)),
+        ("not_canopen", list(doubts)),
+    ];
+    object(&members)
+}
+
+/// An object of members that are JSON already.
+fn object(members: &[(&str, String)]) -> String {
+    let members: Vec<_> = members.iter().map(|(key, value)| format!("\"{key}\":{value}")).collect();
+    format!("{{{}}}", members.join(","))
+}
+
+fn list(values: impl Iterator<Item = Value>) -> String {
+    let values: Vec<_> = values.map(|value| value.to_string()).collect();
+    format!("[{}]", values.join(","))
+}
+
+struct Page<'a> {
+    buses: &'a [Bus],
+    first: Option<Timestamp>,
+}
+
+impl Page<'_> {
+    fn bus(&self, index: BusIndex) -> Option<&Bus> {
+        self.buses.iter().find(|bus| bus.index() == index)
+    }
+
+    fn bus_name(&self, index: BusIndex) -> Option<&str> {
+        self.bus(index).map(Bus::name)
+    }
+
+    fn events(&self, events: &[Event]) -> String {
+        let lines: Vec<_> = events.iter().filter_map(|event| self.event(event)).collect();
+        format!("[{}]", lines.join(","))
+    }
+
+    fn event(&self, event: &Event) -> Option<String> {
+        let mut line = Vec::new();
+        Jsonl::new(&mut line).write(event, self.bus(event.bus)?);
+        Some(String::from_utf8(line).ok()?.trim_end().to_owned())
+    }
+
+    fn moment(&self, moment: &Moment) -> String {
+        let kinds: Vec<_> = moment.kinds.iter().map(|kind| kind.name()).collect();
+        let seconds =
+            moment.time.zip(self.first).map(|(time, first)| Timestamp(time.since(first)).to_string());
+        let grade = match moment.grade() {
+            Grade::Fault => "fault",
+            Grade::Minor => "minor",
+            Grade::Refused => "refused",
+        };
+        object(&[
+            ("kinds", json!(kinds).to_string()),
+            ("grade", json!(grade).to_string()),
+            ("t", moment.time.map_or("null".into(), |time| time.to_string())),
+            ("seconds", seconds.unwrap_or_else(|| "null".into())),
+            ("frame", moment.frame.to_string()),
+            ("bus", json!(self.bus_name(moment.bus)).to_string()),
+            ("node", json!(moment.node).to_string()),
+            ("events", self.events(&moment.events)),
+            ("more", moment.more.to_string()),
+        ])
+    }
+
+    fn node(&self, state: &NodeState) -> Value {
+        let node = self.bus(state.bus).and_then(|bus| bus.node(state.node));
+        let errors = state.errors.iter().map(|code| format!("0x{code:04X}"));
+        let states = state.states.iter().map(|(channel, name)| json!({"channel": channel, "state": name}));
+        json!({
+            "bus": self.bus_name(state.bus),
+            "node": state.node,
+            "name": node.and_then(|node| node.name()),
+            "device": node.and_then(|node| node.device_id()),
+            "nmt": state.nmt.map(|nmt| nmt.state.name()),
+            "nmt_confirmed": state.nmt.is_some_and(|nmt| nmt.certainty == Certainty::Confirmed),
+            "lost": state.lost,
+            "states": states.collect::<Vec<_>>(),
+            "active_errors": errors.collect::<Vec<_>>(),
+            "set_points": state.set_points.iter().map(point).collect::<Vec<_>>(),
+        })
+    }
+}
+
+fn point(state: &PointState) -> Value {
+    let gates = state.gates.iter().map(|gate| {
+        json!({
+            "gate": gate.gate,
+            "status": gate.status.name(),
+            "detail": gate.detail,
+            "text": gate.text,
+            "check": gate.check,
+            "source": gate.source,
+        })
+    });
+    let point = &state.point;
+    json!({
+        "object": format!("0x{}", point.object),
+        "signal": point.signal,
+        "channel": point.channel,
+        "value": point.to.number,
+        "text": point.to.text,
+        "unit": point.unit,
+        "assumed": point.assumed,
+        "effective": state.effective.name(),
+        "gates": gates.collect::<Vec<_>>(),
+    })
+}
+
+fn quiet(quiet: &Quiet) -> Value {
+    let what = match quiet.what {
+        Rhythm::Sync => "sync".to_owned(),
+        Rhythm::Guarding => "guard-request".to_owned(),
+        Rhythm::Rpdo(name) => name.to_string(),
+    };
+    #[expect(clippy::cast_precision_loss, reason = "seconds for reading")]
+    let seconds = |nanoseconds: i64| nanoseconds as f64 / 1e9;
+    json!({
+        "what": what,
+        "gap": seconds(quiet.gap),
+        "usual": seconds(quiet.usual),
+        "last_frame": quiet.last_frame,
+    })
+}
