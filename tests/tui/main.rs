@@ -12,3 +12,4 @@ mod readme;
 mod stats;
 #[path = "../support/mod.rs"]
 mod support;
+mod why;

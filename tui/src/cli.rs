@@ -30,7 +30,7 @@ pub enum Command {
     Stats(StatsArgs),
     /// Show what is known of the nodes' objects, and from where
     Objects(ObjectsArgs),
-    /// Say what went wrong first: the fault, the changes before it, closed gates, what to check
+    /// Say what went wrong first, what was before it, and what to check
     ///
     /// The node is chosen by --node 5 and told what it is by --node 5=PROFILE; both may stand together.
     Why(WhyArgs),

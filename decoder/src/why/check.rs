@@ -25,6 +25,8 @@ pub(super) struct Ground<'a> {
     pub(super) kinds: &'a [FaultKind],
     /// The device, if known.
     pub(super) device: Option<&'a Device>,
+    /// The fault is a start at which settings went.
+    pub(super) lost_settings: bool,
     /// How the node stands.
     pub(super) state: Option<&'a NodeState>,
     /// The moment asked for is another than that of the fault: gates as they stand go first.
@@ -39,6 +41,9 @@ pub(super) fn checks(ground: &Ground<'_>) -> Vec<Check> {
         gates(ground, &mut all);
     }
     causes(ground, &mut all);
+    if ground.lost_settings {
+        hints("settings-lost", &mut all);
+    }
     if whole_node {
         general(ground, &mut all);
     }
@@ -113,7 +118,13 @@ fn codes(ground: &Ground<'_>, all: &mut Vec<Check>) {
 }
 
 fn general(ground: &Ground<'_>, all: &mut Vec<Check>) {
-    for text in ground.kinds.iter().flat_map(|kind| profile::fault_hints(kind.name())) {
+    for kind in ground.kinds {
+        hints(kind.name(), all);
+    }
+}
+
+fn hints(fault: &str, all: &mut Vec<Check>) {
+    for text in profile::fault_hints(fault) {
         add(all, text, "", "general");
     }
 }

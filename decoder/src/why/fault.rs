@@ -198,6 +198,7 @@ mod tests {
         for kind in all {
             assert_eq!(profile::fault_hints(kind.name()).len(), 3, "{}", kind.name());
         }
+        assert!(!profile::fault_hints("settings-lost").is_empty());
         assert!(profile::fault_hints("no such fault").is_empty());
     }
 

@@ -171,6 +171,7 @@ impl Why {
         let checks = check::checks(&Ground {
             kinds: &kinds,
             device: device.map(|device| &**device),
+            lost_settings: moment.is_some_and(Moment::lost_settings),
             state,
             gates_first: self.question.latest,
         });

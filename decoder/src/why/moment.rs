@@ -2,7 +2,7 @@
 
 use super::SHOWN;
 use super::cadence::Quiet;
-use super::change::short;
+use super::change::{reach, short};
 use super::fault::{FaultKind, Grade};
 use super::state::NodeState;
 use crate::event::{Event, EventKind};
@@ -78,6 +78,11 @@ impl Moment {
         self.kinds.iter().map(|kind| kind.grade()).max().unwrap_or(Grade::Refused)
     }
 
+    /// Whether it is a start at which settings went.
+    pub(super) fn lost_settings(&self) -> bool {
+        self.events.iter().any(|event| matches!(event.kind, EventKind::BootUp { lost, .. } if lost > 0))
+    }
+
     /// Order in time.
     pub(super) fn order(&self) -> (Option<Timestamp>, u64) {
         (self.time, self.frame)
@@ -126,7 +131,8 @@ impl Moment {
 
     /// Whether an event that is no fault tells more of this one.
     pub(super) fn is_told_by(&self, event: &Event) -> bool {
-        if event.node != self.node {
+        // Changes alone: what an NMT command or a boot-up tells of a state is in their own lines.
+        if event.node != self.node || reach(event).is_none() {
             return false;
         }
         match self.distance(event) {

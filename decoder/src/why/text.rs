@@ -182,7 +182,7 @@ impl Page<'_> {
                     "its set points are not known: no profile is assigned to it (--node ID=PROFILE)",
                 );
             } else if state.set_points.is_empty() {
-                self.line(1, "no set point seen");
+                self.line(1, "no set point seen yet");
             }
             self.points(&state.set_points);
         }

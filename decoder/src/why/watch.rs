@@ -8,7 +8,7 @@ use super::fault::{self, FaultKind, Grade};
 use super::moment::{Distance, Moment};
 use super::state::NodeState;
 use super::suggest::Signs;
-use crate::event::{Effective, Event, EventKind, SetPoint, StateCause};
+use crate::event::{Effective, Event, EventKind, SetPoint};
 use crate::frame::{BusIndex, Timestamp};
 use crate::profile::PdoDirection;
 use crate::session::Bus;
@@ -163,7 +163,13 @@ impl BusWatch {
             }
             EventKind::GuardRequest => node.beats.came(Rhythm::Guarding, event.time, event.frames.last),
             EventKind::NmtState(change) => node.was_operational |= change.to == NmtState::Operational,
-            EventKind::Emcy(emergency) => node.signs.ready |= emergency.code.is_none(),
+            EventKind::Emcy(emergency) => {
+                node.signs.ready |= emergency.code.is_none();
+                if emergency.boot.is_some() {
+                    node.points.clear();
+                }
+            }
+            EventKind::BootUp { .. } => node.points.clear(),
             EventKind::SetPoint(point) => node.remember(point),
             _ => {}
         }
@@ -191,9 +197,7 @@ impl BusWatch {
     /// An event that is no fault may belong to one.
     fn companion(&mut self, event: &Event, bus: &Bus) {
         let Some(open) = &mut self.open else { return };
-        let is_command =
-            matches!(&event.kind, EventKind::NmtState(change) if change.cause == StateCause::Command);
-        if !is_command && open.is_told_by(event) {
+        if open.is_told_by(event) {
             open.add(event, self.sequence);
             self.refresh(bus);
         } else if open.shows_state(event) {
@@ -209,8 +213,11 @@ impl BusWatch {
         moment
     }
 
-    /// Shows the node as it stands now.
+    /// Shows the node as it stands now. Looking back, only how it stands at the end counts.
     fn refresh(&mut self, bus: &Bus) {
+        if self.latest {
+            return;
+        }
         let Some(id) = self.open.as_ref().and_then(|open| open.node.or(self.chosen)) else { return };
         let state = self.state(bus, id);
         if let Some(open) = &mut self.open {
@@ -250,9 +257,13 @@ impl BusWatch {
                 self.idle.remove(place);
             }
             None if is_idle && self.idle.len() < IDLE_POINTS => {
-                let mut moment = self.begin(FaultKind::SetPoint, event, Some(id));
-                moment.state = Some(self.state(bus, id));
-                self.idle.push(Idle { node: id, point: point.clone(), moment: Some(moment) });
+                let is_wanted = self.latest || self.found(Grade::Minor).is_none();
+                let moment = is_wanted.then(|| {
+                    let mut moment = self.begin(FaultKind::SetPoint, event, Some(id));
+                    moment.state = Some(self.state(bus, id));
+                    moment
+                });
+                self.idle.push(Idle { node: id, point: point.clone(), moment });
             }
             _ => {}
         }

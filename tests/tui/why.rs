@@ -1,0 +1,340 @@
+//! `cobscope why`. What is expected follows from the tables in `fixtures/` and the profiles.
+
+use std::fmt::Write as _;
+
+use serde_json::{Value, json};
+
+use crate::cli::run;
+
+fn text(arguments: &[&str], input: &str) -> String {
+    let output = run(&[&["why"], arguments].concat(), input);
+    assert_eq!(output.code, 0, "{}", output.stderr);
+    output.stdout
+}
+
+fn answer(arguments: &[&str], input: &str) -> Value {
+    serde_json::from_str(&text(&[&["-f", "json"], arguments].concat(), input)).unwrap()
+}
+
+/// First and last frames of events.
+fn frames(events: &Value) -> Vec<(u64, u64)> {
+    let number = |event: &Value, place: usize| event["frames"][place].as_u64().unwrap();
+    let numbers = |event| (number(event, 0), number(event, 1));
+    events.as_array().unwrap().iter().map(numbers).collect()
+}
+
+fn kinds(events: &Value) -> Vec<&str> {
+    events.as_array().unwrap().iter().map(|event| event["kind"].as_str().unwrap()).collect()
+}
+
+/// Names and stands of a set point's gates.
+fn gates(point: &Value) -> Vec<(&str, &str)> {
+    let list = point["gates"].as_array().unwrap().iter();
+    list.map(|gate| (gate["gate"].as_str().unwrap(), gate["status"].as_str().unwrap())).collect()
+}
+
+fn checks(answer: &Value) -> Vec<&str> {
+    answer["checks"].as_array().unwrap().iter().map(|check| check["text"].as_str().unwrap()).collect()
+}
+
+const PVE: &[&str] = &["--node", "32=danfoss-pve-ci", "fixtures/devices/pve.log"];
+
+#[test]
+fn the_page() {
+    // EMCY 8305 in frame 104, FAULT HOLD reported by 105. Before: 1028:01 and "save" (30 to 33), start (34),
+    // the states INIT (35) to ACTIVE (41), +37.5 % (69). The causes are the first three of the profile.
+    let page = text(PVE, "");
+    let lines: Vec<&str> = page.lines().collect();
+    assert_eq!(lines[0], "first fault at 7.204 s, node 32/20 (PVEA, danfoss-pve-ci:pvea)");
+    assert!(lines[1].starts_with("      7.204  32/20             EMCY   8305 "), "{page}");
+    assert!(lines[1].ends_with("{104}"), "{page}");
+    assert_eq!(
+        lines[2],
+        "      7.206  32/20             STATE  ACTIVE → FAULT HOLD, cause EMCY 8305 {104} {105}"
+    );
+    assert_eq!(lines[3], "before it");
+    assert!(lines[4].contains("SDO w  1028:01") && lines[4].ends_with("{30-31}"), "{page}");
+    assert!(lines[13].contains("SETPT  spool") && lines[13].ends_with("+37.5 % effective {69}"), "{page}");
+    let rest = "\
+set points and gates then
+  operational, FAULT HOLD, error 8305
+  Spool set point +37.5 %: NOT effective
+    closed   device ACTIVE: FAULT HOLD
+    open     operational
+    unknown  RPDO1 on the COB-ID of 1400:01 (never on the bus)
+check (PVEA-CI and PVEO-CI Series 6, Technical Information)
+  1. spool or actuator blocked, dirt in the oil (Object descriptions; Fault handling)
+  2. spool held or moved by its lever (Object descriptions; Fault handling)
+  3. pilot oil pressure missing (Object descriptions; Fault handling)";
+    assert_eq!(lines[14..].join("\n"), rest);
+}
+
+#[test]
+fn the_same_for_programs() {
+    let answer = answer(PVE, "");
+    assert_eq!(answer["fault"]["kinds"], json!(["emcy", "device-state"]));
+    assert_eq!((&answer["fault"]["node"], &answer["fault"]["frame"]), (&json!(32), &json!(104)));
+    assert_eq!(answer["fault"]["seconds"], json!(7.204));
+    assert_eq!(frames(&answer["fault"]["events"]), [(104, 104), (105, 105)]);
+    assert_eq!(answer["before"].as_array().unwrap().len(), 10);
+    assert_eq!(answer["before"][9]["kind"], "set-point");
+    assert_eq!(answer["before"][9]["value"], json!(37.5));
+    let node = &answer["nodes"][0];
+    assert_eq!((&node["nmt"], &node["active_errors"]), (&json!("operational"), &json!(["0x8305"])));
+    assert_eq!(node["states"], json!([{"channel": null, "state": "FAULT HOLD"}]));
+    let point = &node["set_points"][0];
+    assert_eq!((&point["object"], &point["effective"]), (&json!("0x6300:01"), &json!("no")));
+    let expected = [
+        ("device ACTIVE", "closed"),
+        ("operational", "open"),
+        ("RPDO1 on the COB-ID of 1400:01", "not on the bus"),
+    ];
+    assert_eq!(gates(point), expected);
+}
+
+#[test]
+fn a_master_that_stopped_guarding() {
+    // fixtures/devices/README_ifb.md: requests every 500 ms, none for 1.62 s; EMCY 8100 in frame 33 before the
+    // next one, FAULT told by TPDO1 in frame 37. The last request before is frame 29 at 3.000 s.
+    let answer = answer(&["--node", "5=rexroth-ifb-iac", "fixtures/devices/ifb_guarding.log"], "");
+    assert_eq!(frames(&answer["fault"]["events"]), [(33, 33), (37, 37)]);
+    let silent = &answer["silent"][0];
+    assert_eq!((&silent["what"], &silent["usual"]), (&json!("guard-request"), &json!(0.5)));
+    assert_eq!(silent["last_frame"], 29);
+    let points = answer["nodes"][0]["set_points"].as_array().unwrap();
+    assert_eq!(points.len(), 2);
+    for point in points {
+        assert_eq!(gates(point)[0], ("ACTIVE reported", "closed"));
+    }
+    assert_eq!(checks(&answer)[1], "master stopped or restarted");
+}
+
+#[test]
+fn looking_back_from_a_moment() {
+    // fixtures/devices/README_sydfec.md: 8102 and pre-operational in frame 343, 140.48 s behind the first
+    // frame; the errors FF01 and 3102 before it are gone since 104.46 s.
+    let arguments = ["--node", "2=rexroth-sydfec", "--at", "141", "fixtures/devices/sydfec.log"];
+    let answer = answer(&arguments, "");
+    assert_eq!(answer["fault"]["kinds"], json!(["emcy", "life-guard"]));
+    assert_eq!(answer["fault"]["seconds"], json!(140.48));
+    let before = answer["before"].as_array().unwrap();
+    let codes: Vec<_> = before.iter().filter_map(|event| event["code"].as_str()).collect();
+    assert_eq!(codes, ["0xFF01", "0x3102", "0x0000"]);
+    assert_eq!(kinds(&answer["since"]), ["set-point", "set-point"]);
+    for point in answer["nodes"][0]["set_points"].as_array().unwrap() {
+        assert_eq!(gates(point).iter().filter(|gate| gate.1 == "closed").count(), 1);
+        assert_eq!(gates(point)[0], ("operational", "closed"));
+    }
+    // The gate as it stands, then the causes of the code.
+    let expected = ["operational: PDOs act in operational only", "the master stopped guarding"];
+    assert_eq!(checks(&answer)[..2], expected);
+    assert!(
+        text(&arguments, "").starts_with("last fault up to 141.000 s: at 140.480 s, node 2/02 (SYDFEC, ")
+    );
+}
+
+#[test]
+fn a_set_point_without_effect_is_told_where_nothing_is_worse() {
+    // The calibration begins with frame 147 at 59.861 s and ignores the master's set points.
+    let arguments = ["--node", "2=rexroth-sydfec", "--at", "#170", "fixtures/devices/sydfec.log"];
+    let answer = answer(&arguments, "");
+    assert_eq!(
+        (&answer["fault"]["grade"], &answer["fault"]["kinds"]),
+        (&json!("minor"), &json!(["set-point"]))
+    );
+    assert_eq!(frames(&answer["fault"]["events"]), [(147, 147), (147, 147)]);
+    let page = text(&arguments, "");
+    let head = "no fault up to frame 170; last set point without effect at 59.861 s, node 2/02 (SYDFEC, ";
+    assert!(page.starts_with(head), "{page}");
+    assert!(
+        page.contains("\n    closed   no calibration or changeover: swivel-angle offset calibration\n"),
+        "{page}"
+    );
+}
+
+#[test]
+fn a_restart_nobody_asked_for() {
+    // fixtures/devices/README_vpcd.md: 14 settings, a boot-up in frame 79 while operational.
+    let bus = "fixtures/devices/vpcd_settings_lost.bus.toml";
+    let capture = "fixtures/devices/vpcd_settings_lost.log";
+    let answer = answer(&["--bus", bus, "--node", "63=rexroth-vpcd", capture], "");
+    assert_eq!(answer["fault"]["kinds"], json!(["restart"]));
+    assert_eq!(frames(&answer["fault"]["events"]), [(79, 79)]);
+    assert_eq!(answer["nodes"][0]["name"], "auxpump");
+    assert!(checks(&answer)[0].starts_with("the settings that are gone"), "{answer}");
+    // The same node without its profile: the restart is one all the same, the settings nobody knows of.
+    let plain = self::answer(&[capture], "");
+    assert_eq!(frames(&plain["fault"]["events"]), [(79, 79)]);
+    assert!(checks(&plain)[0].starts_with("supply of the node"), "{plain}");
+}
+
+#[test]
+fn a_fault_state_behind_a_reset_that_was_commanded() {
+    // fixtures/devices/README_pve.md: reset communication (27), boot-up (30), start (34), FAULT HOLD (36).
+    let capture = "fixtures/devices/pve_reset_communication.log";
+    let answer = answer(&["--node", "32=danfoss-pve-ci", capture], "");
+    assert_eq!(answer["fault"]["kinds"], json!(["device-state"]));
+    assert_eq!(frames(&answer["fault"]["events"]), [(36, 36)]);
+    assert!(frames(&answer["before"]).contains(&(27, 27)), "{answer}");
+    assert!(checks(&answer)[0].contains("from FAULT HOLD 03, then 0B, then 0F"), "{answer}");
+    assert_eq!(checks(&answer)[1], "from FAULT HOLD to HOLD: send 03, then 0B; no error may be left");
+}
+
+#[test]
+fn a_silent_node_in_plain_canopen() {
+    // fixtures/README.md: node 2 every 100 ms until 1.0 s. Node 5 goes on.
+    let capture = "fixtures/canopen/heartbeat_lost.log";
+    let page = text(&[capture], "");
+    assert!(page.starts_with("first fault at 1.200 s, node 2/02\n"), "{page}");
+    assert!(page.contains("\n  operational, silent\n"), "{page}");
+    assert!(page.contains("\n  1. supply and connector of the node"), "{page}");
+    assert_eq!(text(&["--node", "5", capture], "").lines().next().unwrap(), "no fault in this capture");
+    assert_eq!(answer(&["--node", "5", capture], "")["fault"], Value::Null);
+    let answer = answer(&["--node", "2", "--at", "6", capture], "");
+    assert_eq!((&answer["fault"]["seconds"], &answer["nodes"][0]["lost"]), (&json!(5.1), &json!(true)));
+}
+
+#[test]
+fn errors_of_the_bus() {
+    // fixtures/canopen/error_frames.expected.txt: error passive in frames 10 to 12, within 20 ms.
+    let answer = answer(&["fixtures/canopen/error_frames.log"], "");
+    assert_eq!((&answer["fault"]["kinds"], &answer["fault"]["node"]), (&json!(["bus-error"]), &Value::Null));
+    assert_eq!(frames(&answer["fault"]["events"]), [(10, 10), (11, 11), (12, 12)]);
+    // The warning levels before, frames 8 and 9; of arbitration lost twice the later one, frame 4.
+    assert_eq!(frames(&answer["before"]), [(2, 2), (4, 4), (6, 6), (7, 7), (8, 8), (9, 9)]);
+    assert!(checks(&answer)[0].starts_with("termination"), "{answer}");
+}
+
+#[test]
+fn a_refused_write_where_there_is_nothing_else() {
+    // fixtures/canopen/sdo_abort.expected.txt: the first refused write is 5555:01 in frames 3 and 4.
+    let answer = answer(&["fixtures/canopen/sdo_abort.log"], "");
+    assert_eq!(answer["fault"]["grade"], "refused");
+    assert_eq!(frames(&answer["fault"]["events"]), [(3, 4)]);
+    assert!(checks(&answer)[0].starts_with("Wrong index"), "{answer}");
+}
+
+#[test]
+fn nothing_wrong_and_nobody_there() {
+    let capture = "fixtures/canopen/pdo_mapping.log";
+    assert_eq!(text(&[capture], ""), "no fault in this capture\n");
+    let absent = "node 9/09 is not heard in this capture; nodes heard: 2\nno fault in this capture\n";
+    assert_eq!(text(&["--node", "9", capture], ""), absent);
+    let foreign = text(&["-"], "(1700000000.000000) can0 18FEF100#0102030405060708\n");
+    assert_eq!(foreign, "bus can0 is not taken for CANopen: no sign of it\nno fault in this capture\n");
+}
+
+#[test]
+fn a_profile_is_suggested_never_assumed() {
+    let page = text(&["fixtures/devices/sydfec.log"], "");
+    assert!(page.contains("\n  its set points are not known: no profile is assigned to it"), "{page}");
+    assert!(page.contains("\n  node 2/02 behaves like SYDFEC: --node 2=rexroth-sydfec ("), "{page}");
+    // The code is read as CiA 301 orders its bytes, not as the SYDFEC does.
+    assert!(page.lines().nth(1).unwrap().contains("EMCY   01FF"), "{page}");
+    let known = answer(&["--node", "2=rexroth-sydfec", "fixtures/devices/sydfec.log"], "");
+    assert_eq!(known["suggestions"], json!([]));
+    assert_eq!(known["fault"]["events"][0]["code"], "0xFF01");
+}
+
+/// A PVEA that was started: boot-up, start, ACTIVE by three control words; then `more`, a line each 100 ms.
+fn pve(more: &[&str]) -> String {
+    let begin = [
+        "720#00",
+        "000#0120",
+        "1A0#08000000",
+        "220#0F000000",
+        "1A0#09000000",
+        "220#0F000000",
+        "1A0#0B000000",
+        "220#0F000000",
+        "1A0#0F000000",
+    ];
+    let mut log = String::new();
+    for (n, line) in begin.iter().chain(more).enumerate() {
+        writeln!(log, "({}.{}00000) can0 {line}", 1_700_000_000 + n / 10, n % 10).unwrap();
+    }
+    log
+}
+
+#[test]
+fn active_left_without_a_reason_on_the_bus() {
+    // Frame 11: HOLD, though the control word is still 0F: 6041 = 0B.
+    let log = pve(&["220#0F000018", "1A0#0B000000", "220#0F000018"]);
+    let answer = answer(&["--node", "32=danfoss-pve-ci"], &log);
+    assert_eq!(answer["fault"]["kinds"][0], "left-active");
+    assert_eq!((&answer["fault"]["grade"], &answer["fault"]["frame"]), (&json!("minor"), &json!(11)));
+    assert!(checks(&answer).iter().any(|check| check.contains("hardware enable")), "{answer}");
+}
+
+#[test]
+fn faults_within_20_ms_are_one() {
+    // The state comes 2 ms before the EMCY: one moment, which begins with the state.
+    let mut log = pve(&["220#0F000018"]);
+    log.push_str("(1700000001.100000) can0 1A0#03000000\n(1700000001.102000) can0 0A0#0583210300000000\n");
+    log.push_str("(1700000001.500000) can0 0A0#0583210300000000\n");
+    let answer = answer(&["--node", "32=danfoss-pve-ci"], &log);
+    assert_eq!(answer["fault"]["kinds"], json!(["device-state", "emcy"]));
+    assert_eq!(frames(&answer["fault"]["events"]), [(11, 11), (12, 12)]);
+}
+
+#[test]
+fn of_a_ramp_the_last_set_point_is_told() {
+    // Frames 10 to 29 raise the set point, frame 30 is the EMCY.
+    let ramp: Vec<String> = (1..=20).map(|n| format!("220#0F0000{n:02X}")).collect();
+    let mut more: Vec<&str> = ramp.iter().map(String::as_str).collect();
+    more.push("0A0#0583210300000000");
+    let answer = answer(&["--node", "32=danfoss-pve-ci"], &pve(&more));
+    assert_eq!(answer["fault"]["frame"], 30);
+    let points = answer["before"].as_array().unwrap().iter().filter(|event| event["kind"] == "set-point");
+    let points: Vec<_> = points.map(|event| event["frames"][1].as_u64().unwrap()).collect();
+    assert_eq!(points, [29]);
+}
+
+#[test]
+fn a_storm_is_cut() {
+    // 15 codes, 1 ms apart.
+    let mut log = "(1700000000.000) can0 705#05\n".to_owned();
+    for n in 1..=15 {
+        writeln!(log, "(1700000001.{n:03}) can0 085#{n:02}81010000000000").unwrap();
+    }
+    let answer = answer(&["-"], &log);
+    assert_eq!((frames(&answer["fault"]["events"]).len(), &answer["fault"]["more"]), (10, &json!(5)));
+}
+
+#[test]
+fn operational_left_without_a_command() {
+    let beat = |time: &str, state: &str| format!("({time}) can0 705#{state}\n");
+    let mut log = "(1700000000.0) can0 000#0105\n".to_owned();
+    for (time, state) in [("1700000000.1", "05"), ("1700000001.1", "05"), ("1700000002.1", "7F")] {
+        log.push_str(&beat(time, state));
+    }
+    let found = answer(&["-"], &log);
+    assert_eq!(found["fault"]["kinds"], json!(["left-operational"]));
+    assert_eq!(frames(&found["fault"]["events"]), [(4, 4)]);
+    // Within a second of a command the node may still say its old state.
+    let settling = "(1700000000.0) can0 000#0105\n(1700000000.1) can0 705#05\n(1700000000.5) can0 705#7F\n";
+    assert_eq!(answer(&["-"], settling)["fault"], Value::Null);
+}
+
+#[test]
+fn a_capture_without_times() {
+    let log = "can0  705   [1]  00\ncan0  085   [8]  30 81 11 00 00 00 00 00\ncan0  705   [1]  7F\n";
+    let page = text(&["-"], log);
+    assert!(page.starts_with("first fault in frame 2, node 5/05\n"), "{page}");
+    assert_eq!(answer(&["-"], log)["fault"]["t"], Value::Null);
+    let output = run(&["why", "--at", "1.5"], log);
+    assert_eq!(output.code, 3);
+    assert!(output.stderr.contains("has no times"), "{}", output.stderr);
+    assert!(text(&["--at", "#1"], log).starts_with("no fault up to frame 1\n"));
+}
+
+#[test]
+fn several_captures_and_several_buses() {
+    let page = text(&["fixtures/canopen/pdo_mapping.log", "fixtures/canopen/heartbeat_lost.log"], "");
+    assert!(page.starts_with("== fixtures/canopen/pdo_mapping.log\nno fault in this capture\n== "), "{page}");
+    // The error on the second bus is the first one.
+    let log = "(1700000000.0) can0 705#05\n(1700000000.0) can1 705#05\n(1700000000.1) can1 085#3081110000000000\n\
+               (1700000000.9) can0 085#3081110000000000\n";
+    assert!(text(&["-"], log).starts_with("first fault at 0.100 s, node 5/05 on can1\n"));
+    assert!(text(&["--node", "can0:5"], log).starts_with("first fault at 0.900 s, node 5/05 on can0\n"));
+}
