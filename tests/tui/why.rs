@@ -18,8 +18,8 @@ fn answer(arguments: &[&str], input: &str) -> Value {
 
 /// First and last frames of events.
 fn frames(events: &Value) -> Vec<(u64, u64)> {
-    let number = |event: &Value, place: usize| event["frames"][place].as_u64().unwrap();
-    let numbers = |event| (number(event, 0), number(event, 1));
+    let number = |event: &Value, place: &str| event.pointer(place).and_then(Value::as_u64).unwrap();
+    let numbers = |event| (number(event, "/frames/0"), number(event, "/frames/1"));
     events.as_array().unwrap().iter().map(numbers).collect()
 }
 
