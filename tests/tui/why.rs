@@ -43,7 +43,8 @@ const PVE: &[&str] = &["--node", "32=danfoss-pve-ci", "fixtures/devices/pve.log"
 fn the_page() {
     // EMCY 8305 in frame 104, FAULT HOLD reported by 105. Before: 1028:01 and "save" (30 to 33), start (34),
     // the states INIT (35) to ACTIVE (41), +37.5 % (69). The causes are the first three of the profile.
-    let page = text(PVE, "");
+    // Whether the mapping is one that was seen is not the matter here.
+    let page = text(PVE, "").replace("%?", "%");
     let lines: Vec<&str> = page.lines().collect();
     assert_eq!(lines[0], "first fault at 7.204 s, node 32/20 (PVEA, danfoss-pve-ci:pvea)");
     assert!(lines[1].starts_with("      7.204  32/20             EMCY   8305 "), "{page}");
@@ -173,7 +174,10 @@ fn a_fault_state_behind_a_reset_that_was_commanded() {
     // fixtures/devices/README_pve.md: reset communication (27), boot-up (30), start (34), FAULT HOLD (36).
     let capture = "fixtures/devices/pve_reset_communication.log";
     let answer = answer(&["--node", "32=danfoss-pve-ci", capture], "");
-    assert_eq!(answer["fault"]["kinds"], json!(["device-state"]));
+    assert_eq!(
+        (&answer["fault"]["grade"], &answer["fault"]["kinds"]),
+        (&json!("minor"), &json!(["commanded-fault"]))
+    );
     assert_eq!(frames(&answer["fault"]["events"]), [(36, 36)]);
     assert!(frames(&answer["before"]).contains(&(27, 27)), "{answer}");
     assert!(checks(&answer)[0].contains("from FAULT HOLD 03, then 0B, then 0F"), "{answer}");

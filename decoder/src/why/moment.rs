@@ -51,7 +51,8 @@ pub struct Moment {
     pub state: Option<NodeState>,
     /// What had come with a beat and was silent then.
     pub quiet: Vec<Quiet>,
-    /// The last event of it, counted over all of its bus.
+    /// Its first and last event, counted over all of its bus.
+    pub(super) began: u64,
     pub(super) sequence: u64,
 }
 
@@ -69,6 +70,7 @@ impl Moment {
             before: Vec::new(),
             state: None,
             quiet: Vec::new(),
+            began: sequence,
             sequence,
         }
     }

@@ -232,7 +232,8 @@ impl BusWatch {
     fn keep(&mut self, moment: Moment) {
         let latest = self.latest;
         let Some(place) = self.found.get_mut(moment.grade() as usize) else { return };
-        if latest || place.is_none() {
+        // They are not found in the order in which they began.
+        if place.as_ref().is_none_or(|known| (moment.began > known.began) == latest) {
             *place = Some(moment);
         }
     }
