@@ -138,6 +138,7 @@ fn states_and_set_points() -> Vec<EventKind> {
         cause: DeviceCause::Emcy,
         cause_frame: 3,
         emcy: Some(0x8130),
+        leave: Some("send 03, then 0B".into()),
         control: Some(0x0F),
         path: Some(Box::new(Path {
             states: vec!["INIT".into(), "ACTIVE".into()],

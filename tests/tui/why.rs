@@ -51,7 +51,7 @@ fn the_page() {
     assert!(lines[1].ends_with("{104}"), "{page}");
     assert_eq!(
         lines[2],
-        "      7.206  32/20             STATE  ACTIVE → FAULT HOLD, cause EMCY 8305 {104} {105}"
+        "      7.206  32/20             STATE  ACTIVE → FAULT HOLD, cause EMCY 8305 {104}; to leave: send 03, then 0B; no error may be left {105}"
     );
     assert_eq!(lines[3], "before it");
     assert!(lines[4].contains("SDO w  1028:01") && lines[4].ends_with("{30-31}"), "{page}");

@@ -66,6 +66,8 @@ pub struct DeviceState {
     pub cause_frame: u64,
     /// Code of the EMCY that is the cause.
     pub emcy: Option<u16>,
+    /// Of a fault: what the control word must do to leave it.
+    pub leave: Option<String>,
     /// Control word that commands it.
     pub control: Option<u64>,
     /// On the way to the state commanded: states passed, and control words sent.

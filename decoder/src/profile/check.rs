@@ -18,12 +18,22 @@ use crate::wire::canopen::ObjectAddress;
 /// Most bits a classic CAN frame holds.
 const FRAME_BITS: u16 = 64;
 
+/// Most entries of a profile, repeats counted: more than four times what CiA 301 describes.
+const MOST_ENTRIES: usize = 1 << 20;
+
 /// Most machines, gates or procedures of a device, repeats counted.
 const MOST_REPEATS: usize = 512;
 
 /// Everything wrong with one variant of a device; `text` is the profile's.
 pub fn check(text: &str, file: &ProfileFile, device: &Device) -> Vec<TextError> {
     let mut check = Check { device, variants: file, wrong: Vec::new() };
+    let entries = device.object_count();
+    if let Some(largest) = device.dictionary.own().iter().max_by_key(|object| object.count())
+        && entries > MOST_ENTRIES
+    {
+        let message = format!("{entries} entries; a dictionary has at most {MOST_ENTRIES}");
+        return vec![TextError::at(text, largest.span.clone(), message)];
+    }
     check.objects(device.dictionary.own());
     check.duplicates(device.dictionary.own());
     check.cycles(device.dictionary.own());

@@ -65,6 +65,9 @@ pub struct Entry {
     pub(super) span: Range<usize>,
 }
 
+/// Repeats followed where an object decides how others are read.
+const MOST_REPEATS: u16 = 1024;
+
 /// Objects of one or more documents: the first that has an address counts.
 #[derive(Debug, Clone, Default)]
 pub struct Dictionary {
@@ -145,7 +148,10 @@ impl Object {
             });
             let modes = entry.modes.iter().map(|(when, _)| when.object);
             for reference in scales.chain(modes) {
-                all.extend((0..self.repeat.count).map(|nth| reference.shifted(nth, self.repeat.stride)));
+                all.extend(
+                    (0..self.repeat.count.min(MOST_REPEATS))
+                        .map(|nth| reference.shifted(nth, self.repeat.stride)),
+                );
             }
         }
     }

@@ -56,6 +56,9 @@ fn device_state(state: &DeviceState, fields: &mut dyn Fields) {
     if let Some(code) = state.emcy {
         fields.field("code", FieldValue::Code(u64::from(code), 4));
     }
+    if let Some(leave) = &state.leave {
+        fields.field("leave", FieldValue::Text(leave));
+    }
     if let Some(control) = state.control {
         fields.field("control", FieldValue::Code(control, 4));
     }

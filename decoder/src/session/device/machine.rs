@@ -127,6 +127,7 @@ impl Bus {
             cause: why.cause,
             cause_frame: why.frame,
             emcy: why.emcy,
+            leave: to.fault.then(|| leave(machine, &to.name)).flatten(),
             control: why.control,
             path,
         };
@@ -216,6 +217,12 @@ impl Node {
         let machines = self.device.machines.iter().enumerate();
         machines.filter_map(|(place, machine)| Some((machine.channel, self.reported_state(place)?)))
     }
+}
+
+/// What the control word must do to leave a state, where the profile says it in words.
+fn leave(machine: &Machine, state: &str) -> Option<String> {
+    let mut out = machine.transitions.iter().filter(|it| it.from.0.iter().any(|from| from == state));
+    out.find_map(|it| it.text.clone())
 }
 
 /// Why a machine is in another state now.

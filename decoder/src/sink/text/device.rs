@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::Tone;
 use super::line::{millis, seconds};
 use crate::event::{
-    BitsChanged, Conflict, DeviceCause, DeviceState, Effective, EventKind, ModeChange, ProcedureEvent,
+    BitsChanged, Conflict, DeviceCause, DeviceState, Effective, Event, EventKind, ModeChange, ProcedureEvent,
     SetPoint,
 };
 use crate::profile::Value;
@@ -14,10 +14,14 @@ use crate::profile::Value;
 pub(super) type Said = (&'static str, String, Tone);
 
 /// The words of a device's event; `None` if it is none.
-pub(super) fn words(kind: &EventKind) -> Option<Said> {
-    Some(match kind {
+pub(super) fn words(event: &Event) -> Option<Said> {
+    Some(match &event.kind {
         EventKind::NodeIdentified(node) => {
-            let what = format!("is {} ({}), told by its {}", node.title, node.device, node.by);
+            let id = event.node.unwrap_or(0);
+            let what = format!(
+                "is {}, told by its {}; --node {id}={} reads it so from the first frame",
+                node.title, node.by, node.device
+            );
             ("IDENT", what, Tone::Good)
         }
         EventKind::DeviceState(event) => state(event),
@@ -48,6 +52,9 @@ fn state(state: &DeviceState) -> Said {
         (DeviceCause::NotOnTheBus, ..) if state.from.is_none() => write!(what, ", first seen"),
         _ => write!(what, ", cause not on the bus (hardware enable, maker's tool?)"),
     };
+    if let Some(leave) = &state.leave {
+        let _ = write!(what, "; to leave: {leave}");
+    }
     if let Some(path) = &state.path {
         let frames: Vec<_> = path.frames.iter().map(u64::to_string).collect();
         let _ = write!(what, "; {}, {} × control", path.states.join(" → "), path.frames.len());

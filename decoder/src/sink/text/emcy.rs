@@ -53,14 +53,17 @@ fn push_error(code: u16, emergency: &Emergency, device: &Device, out: &mut Vec<u
     push_code(out, u32::from(code), 4);
     out.push(b' ');
     out.extend_from_slice(text.as_bytes());
+    if let Some(reaction) = device.error(code).and_then(|error| error.reaction.as_ref()) {
+        // Writing to a vector cannot fail.
+        let _ = write!(out, " → {reaction}");
+    }
     if let Some(register) = emergency.register {
         out.extend_from_slice(b", register ");
         push_register(register, out);
     }
     let vendor = emergency.vendor.get(..usize::from(emergency.vendor_length)).unwrap_or_default();
     if vendor.iter().any(|byte| *byte != 0) {
-        out.extend_from_slice(b", vendor ");
-        push_bytes(out, vendor);
+        push_vendor(vendor, device, out);
     }
     if let Some(other) = emergency.alternative {
         out.extend_from_slice(b", in the other byte order ");
@@ -73,6 +76,27 @@ fn push_error(code: u16, emergency: &Emergency, device: &Device, out: &mut Vec<u
         out.extend_from_slice(b", ");
         push_decimal(out, u64::from(emergency.active));
         out.extend_from_slice(b" active");
+    }
+}
+
+/// The manufacturer's bytes: by name where the device's profile has names, else as they are.
+fn push_vendor(vendor: &[u8], device: &Device, out: &mut Vec<u8>) {
+    /// Bytes of the message before them.
+    const BEFORE: usize = 3;
+    let mut named = false;
+    for field in &device.emcy.vendor {
+        let first = usize::from(field.byte).checked_sub(BEFORE);
+        let end = first.and_then(|first| first.checked_add(usize::from(field.bytes)));
+        let bytes = first.zip(end).and_then(|(first, end)| vendor.get(first..end));
+        if let Some(bytes) = bytes {
+            named = true;
+            // Writing to a vector cannot fail.
+            let _ = write!(out, ", {} {}", field.name, profile::little_endian(bytes));
+        }
+    }
+    if !named {
+        out.extend_from_slice(b", vendor ");
+        push_bytes(out, vendor);
     }
 }
 

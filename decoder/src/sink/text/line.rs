@@ -122,7 +122,7 @@ fn words(event: &Event, bus: &Bus) -> Words {
             words("ID", format!("node-ID {from}{to} in force, set by {by}"), Tone::Caution)
         }
         EventKind::ObjectChange(change) => object_change(change, words),
-        _ => match device::words(&event.kind) {
+        _ => match device::words(event) {
             Some((kind, what, tone)) => words(kind, what, tone),
             None => bus_words(event, words),
         },
