@@ -16,6 +16,8 @@ mod value;
 
 pub use value::encode;
 
+use std::str::FromStr;
+
 use crate::frame::CanId;
 use crate::profile::{Owner, TextError};
 use crate::wire::canopen::ObjectAddress;
@@ -60,6 +62,19 @@ pub struct AreaEntry {
     pub object: ObjectAddress,
     /// Bytes it takes.
     pub bytes: u8,
+}
+
+/// `2F10/4`.
+impl FromStr for AreaEntry {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, &'static str> {
+        let wrong = "an entry of an area is written 2F10/4: object / bytes, 1 to 8";
+        let (object, bytes) = text.split_once('/').ok_or(wrong)?;
+        let bytes = bytes.parse().ok().filter(|bytes| (1..=8).contains(bytes)).ok_or(wrong)?;
+        let object = object.parse().map_err(|_| wrong)?;
+        Ok(Self { object, bytes })
+    }
 }
 
 /// A bus file that was understood.

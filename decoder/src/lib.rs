@@ -35,6 +35,7 @@ pub mod frame;
 pub mod profile;
 pub mod query;
 pub mod replay;
+pub mod samples;
 pub mod session;
 pub mod sink;
 pub mod statistics;

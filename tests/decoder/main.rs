@@ -17,6 +17,7 @@ mod fuzz_replay;
 mod harness;
 mod limits;
 mod malformed;
+mod profiles;
 mod properties;
 mod replay;
 mod same_events;

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use crate::support::workspace;
 
 /// Which folders and files of `decoder/src` may name which: the data flows from left to right, and
-/// `decoder.rs` alone knows every stage. `lib.rs` only lists them.
+/// `decoder.rs` alone knows every stage; `samples.rs` runs it. `lib.rs` only lists them.
 const LAYERS: &[(&str, &[&str])] = &[
     ("frame", &[]),
     ("capture", &["frame"]),
@@ -23,6 +23,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("why", &["frame", "wire", "profile", "event", "session", "query", "statistics", "sink"]),
     ("decoder", &["frame", "capture", "wire", "profile", "event", "session", "query", "statistics", "sink"]),
     ("replay", &["frame", "capture", "decoder"]),
+    ("samples", &["bus_file", "frame", "capture", "wire", "profile", "event", "session", "decoder"]),
 ];
 
 /// Longest file in lines, tests at its foot apart.

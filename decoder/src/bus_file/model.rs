@@ -147,13 +147,8 @@ fn address(text: &Spanned<String>) -> Result<ObjectAddress, Wrong> {
     text.get_ref().parse().map_err(|error| (text.span(), format!("{error}")))
 }
 
-/// `2F10/4`: an object and the bytes it takes.
 fn area_entry(text: &Spanned<String>) -> Result<AreaEntry, Wrong> {
-    let wrong = || (text.span(), "an entry of an area is written 2F10/4: object / bytes, 1 to 8".to_owned());
-    let (object, bytes) = text.get_ref().split_once('/').ok_or_else(wrong)?;
-    let bytes = bytes.parse().ok().filter(|bytes| (1..=8).contains(bytes)).ok_or_else(wrong)?;
-    let object = object.parse().map_err(|_| wrong())?;
-    Ok(AreaEntry { object, bytes })
+    text.get_ref().parse().map_err(|message: &str| (text.span(), message.to_owned()))
 }
 
 /// A node-ID as the name of a table: `5` or `0x05`.

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use cobscope_decoder::profile::device::ProfileFile;
 use cobscope_decoder::profile::{Catalogue, Device, ProfileError, check};
+use cobscope_decoder::samples::check_samples;
 use cobscope_decoder::sink::escape;
 
 use super::profile_markdown::markdown;
@@ -130,7 +131,7 @@ fn check_files(files: &[std::path::PathBuf]) -> Exit {
     exit
 }
 
-/// Checks all variants of a profile; standards are taken from this program and from the file's folder.
+/// Checks all variants of a profile and runs its samples; standards are taken from this program and from the file's folder.
 fn check_one(path: &Path, name: &str, text: &str) -> bool {
     let mut catalogue = Catalogue::default();
     let folder = path.parent().unwrap_or(Path::new("."));
@@ -151,7 +152,8 @@ fn check_one(path: &Path, name: &str, text: &str) -> bool {
         match catalogue.device(&id) {
             Ok(device) => {
                 samples += device.samples.len();
-                said.extend(check(text, &file, &device).iter().map(|error| error.show(name)));
+                let wrong = [check(text, &file, &device), check_samples(text, &device)].concat();
+                said.extend(wrong.iter().map(|error| error.show(name)));
             }
             Err(error) => said.push(error.to_string()),
         }

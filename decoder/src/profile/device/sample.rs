@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use serde::Deserialize;
+use toml::Spanned;
 
 use crate::profile::layout::PdoName;
 use crate::profile::object::{Given, Only};
@@ -20,23 +21,23 @@ pub struct Sample {
     /// Node-ID, 1 to 127.
     #[serde(default = "one")]
     pub node: u8,
-    /// Variant; the first of `only`, else the profile's default.
-    #[serde(default)]
-    pub variant: Option<String>,
     /// Variants it holds for.
     #[serde(default)]
     pub only: Only,
     /// Raw values known before, by object.
     #[serde(default)]
     pub given: BTreeMap<String, Given>,
-    /// Frames in candump's notation.
+    /// What fills areas of the maker's tool, as the bus file tells: `tx_area = ["2F10/4"]`.
+    #[serde(default)]
+    pub areas: BTreeMap<String, Vec<String>>,
+    /// Frames in candump's notation, 10 ms apart.
     pub frames: Vec<String>,
     /// The last frame is this PDO.
     #[serde(default)]
     pub pdo: Option<PdoName>,
     /// Its scaled values by object.
     #[serde(default)]
-    pub signals: BTreeMap<String, f64>,
+    pub signals: BTreeMap<String, Spanned<f64>>,
     /// Its names of values and bits by object.
     #[serde(default)]
     pub texts: BTreeMap<String, String>,
@@ -48,7 +49,7 @@ pub struct Sample {
     pub object: Option<String>,
     /// Its scaled value.
     #[serde(default)]
-    pub value: Option<f64>,
+    pub value: Option<Spanned<f64>>,
     /// Its unit.
     #[serde(default)]
     pub unit: Option<String>,
@@ -61,6 +62,9 @@ pub struct Sample {
     /// The state machine is in this state.
     #[serde(default)]
     pub state: Option<String>,
+    /// The last frame reports it, for this cause.
+    #[serde(default)]
+    pub cause: Option<String>,
     /// Of this channel.
     #[serde(default)]
     pub channel: Option<u8>,

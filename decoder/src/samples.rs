@@ -1,0 +1,397 @@
+//! Samples of profiles: frames run through the decoder, and what the device must mean by the last of them.
+//!
+//! `profiles/README.md` says what a sample states. What it states is never taken from this program.
+
+use std::fmt::{Display, Write as _};
+use std::ops::Range;
+use std::sync::Arc;
+
+use toml::Spanned;
+
+use crate::bus_file::{BusFile, ObjectValue, Settings};
+use crate::capture::{Batch, Item, Notice, ReadOptions, Reader};
+use crate::decoder::Decoder;
+use crate::event::{DeviceState, Effective, Emergency, Event, EventKind, Outcome, Pdo, SdoTransfer};
+use crate::profile::device::Sample;
+use crate::profile::object::Given;
+use crate::profile::{Device, Meaning, TextError, Value, emcy_codes, integer, word};
+use crate::session::{AssignedBy, Assignment, Bus, Node, ProtocolChoice, SessionOptions};
+use crate::wire::canopen::ObjectAddress;
+
+/// Name of the only bus.
+const BUS: &str = "can0";
+
+/// Milliseconds between two frames.
+const STEP: usize = 10;
+
+/// Runs all samples of one variant of a device; `text` is its profile's.
+pub fn check_samples(text: &str, device: &Arc<Device>) -> Vec<TextError> {
+    let mut wrong = Vec::new();
+    for (span, sample) in &device.samples {
+        let mut run = Run { text, span, sample, device, wrong: Vec::new() };
+        run.check();
+        wrong.append(&mut run.wrong);
+    }
+    wrong
+}
+
+/// What the frames of a sample came to.
+struct Outcomes {
+    /// Events of the last frame.
+    events: Vec<EventKind>,
+    decoder: Decoder,
+}
+
+impl Outcomes {
+    fn find<'a, T>(&'a self, pick: impl Fn(&'a EventKind) -> Option<T>) -> Option<T> {
+        self.events.iter().find_map(pick)
+    }
+
+    /// What the last frame came to instead, for messages.
+    fn kinds(&self) -> String {
+        let names: Vec<_> = self.events.iter().map(EventKind::name).collect();
+        if names.is_empty() { "nothing".into() } else { names.join(", ") }
+    }
+}
+
+struct Run<'a> {
+    text: &'a str,
+    span: &'a Range<usize>,
+    sample: &'a Sample,
+    device: &'a Arc<Device>,
+    wrong: Vec<TextError>,
+}
+
+impl Run<'_> {
+    fn say(&mut self, message: impl Display) {
+        self.say_at(self.span.clone(), message);
+    }
+
+    fn say_at(&mut self, span: Range<usize>, message: impl Display) {
+        let about = &self.sample.about;
+        let about = if about.is_empty() { String::new() } else { format!("{about}: ") };
+        let message = format!("{}: sample: {about}{message}", self.device.full_id);
+        self.wrong.push(TextError::at(self.text, span, message));
+    }
+
+    fn differs(&mut self, what: impl Display, found: impl Display, expected: impl Display) {
+        self.say(format!("{what}: found {found}, expected {expected}"));
+    }
+
+    fn check(&mut self) {
+        let outcomes = match self.outcomes() {
+            Ok(outcomes) => outcomes,
+            Err(message) => return self.say(message),
+        };
+        let sample = self.sample;
+        if let Some(name) = sample.pdo {
+            let pdo = outcomes.find(|kind| match kind {
+                EventKind::Pdo(pdo) if pdo.name == name => Some(pdo),
+                _ => None,
+            });
+            self.found(pdo, name, &outcomes, Self::pdo);
+        } else if sample.emcy.is_some() {
+            let emcy = outcomes.find(|kind| match kind {
+                EventKind::Emcy(emcy) => Some(emcy),
+                _ => None,
+            });
+            self.found(emcy, "an EMCY", &outcomes, Self::emcy);
+        } else if sample.object.is_some() || sample.abort.is_some() {
+            let transfer = outcomes.find(|kind| match kind {
+                EventKind::SdoTransfer(transfer) => Some(&**transfer),
+                _ => None,
+            });
+            self.found(transfer, "the end of an SDO transfer", &outcomes, Self::transfer);
+        } else if let Some(state) = &sample.state {
+            self.state(state, &outcomes);
+        } else if let Some(procedure) = &sample.procedure {
+            self.procedure(procedure, &outcomes);
+        } else if let Some(gate) = &sample.gate {
+            self.gate(gate, &outcomes);
+        } else {
+            self.say("it states nothing: give pdo, emcy, object, abort, state, procedure or gate");
+        }
+    }
+
+    fn found<T>(
+        &mut self,
+        it: Option<T>,
+        what: impl Display,
+        outcomes: &Outcomes,
+        compare: impl Fn(&mut Self, T),
+    ) {
+        match it {
+            Some(it) => compare(self, it),
+            None => self.differs("the last frame", outcomes.kinds(), what),
+        }
+    }
+
+    fn pdo(&mut self, pdo: &Pdo) {
+        let sample = self.sample;
+        if sample.signals.is_empty() && sample.texts.is_empty() {
+            self.say("it states no value of the PDO: give signals or texts");
+        }
+        let read = |object: &str| -> Result<(Option<Arc<Meaning>>, Value), String> {
+            let object: ObjectAddress = object.parse().map_err(|error| format!("{object}: {error}"))?;
+            let layout = pdo.layout.as_ref().ok_or_else(|| format!("{} has no layout", pdo.name))?;
+            let mut signals = layout.signals(pdo.payload());
+            let signal = signals.find(|signal| signal.field.object == object);
+            let signal = signal.ok_or_else(|| format!("{object} is not in {}", pdo.name))?;
+            Ok((signal.field.meaning.clone(), signal.value))
+        };
+        for (object, wanted) in &sample.signals {
+            match read(object) {
+                Ok((meaning, value)) => self.quantity(object, meaning.as_deref(), &value, wanted),
+                Err(message) => self.say_at(wanted.span(), message),
+            }
+        }
+        for (object, wanted) in &sample.texts {
+            match read(object) {
+                Ok((meaning, value)) => {
+                    let found = words(meaning.as_deref(), &value);
+                    if found != *wanted {
+                        self.differs(object, quoted(&found), quoted(wanted));
+                    }
+                }
+                Err(message) => self.say(message),
+            }
+        }
+    }
+
+    /// Compares a number to half of the last digit written.
+    fn quantity(&mut self, what: &str, meaning: Option<&Meaning>, value: &Value, wanted: &Spanned<f64>) {
+        let written = self.text.get(wanted.span()).unwrap_or_default();
+        let behind = written.split_once('.').map_or("", |(_, behind)| behind);
+        let digits = behind.bytes().take_while(u8::is_ascii_digit).count();
+        let half = 0.5 / 10_f64.powi(i32::try_from(digits).unwrap_or(i32::MAX));
+        let wanted_number = *wanted.get_ref();
+        let found = number(meaning, value);
+        // What the arithmetic of floating point leaves over is no difference.
+        let slack = half * 1e-6;
+        let fits = found.is_some_and(|found| (found - wanted_number).abs() <= half + slack);
+        if !fits {
+            let found = found.map_or_else(|| quoted(&words(meaning, value)), |it| it.to_string());
+            self.say_at(wanted.span(), format!("{what}: found {found}, expected {written}"));
+        }
+    }
+
+    fn emcy(&mut self, emcy: &Emergency) {
+        let shown = |code: Option<u16>| code.map_or("none".into(), |code| format!("{code:04X}"));
+        if emcy.code != self.sample.emcy {
+            self.differs("code", shown(emcy.code), shown(self.sample.emcy));
+        }
+        let Some(wanted) = &self.sample.text else { return };
+        let code = emcy.code.unwrap_or_default();
+        let own = self.device.error(code).map(|error| error.text.as_str());
+        self.text(own.unwrap_or_else(|| emcy_codes().text(u32::from(code))), wanted);
+    }
+
+    fn text(&mut self, found: &str, wanted: &str) {
+        if found != wanted {
+            self.differs("text", quoted(found), quoted(wanted));
+        }
+    }
+
+    fn transfer(&mut self, transfer: &SdoTransfer) {
+        let sample = self.sample;
+        if let Some(code) = sample.abort {
+            return self.abort(transfer, code);
+        }
+        if transfer.outcome != Outcome::Complete {
+            return self.differs("the transfer", transfer.outcome.name(), Outcome::Complete.name());
+        }
+        let wanted = sample.object.as_deref().unwrap_or_default();
+        match wanted.parse::<ObjectAddress>() {
+            Ok(object) if transfer.object == Some(object) => {}
+            Ok(object) => {
+                let found = transfer.object.map_or("none".into(), |found| found.to_string());
+                return self.differs("object", found, object);
+            }
+            Err(error) => return self.say(format!("{wanted}: {error}")),
+        }
+        if sample.value.is_none() && sample.text.is_none() {
+            self.say("it states no value of the object: give value or text");
+        }
+        let meaning = transfer.meaning.as_deref();
+        let value =
+            meaning.map_or_else(|| Value::Bytes(transfer.data.clone()), |it| it.decode(&transfer.data));
+        if let Some(wanted) = &sample.value {
+            self.quantity("value", meaning, &value, wanted);
+        }
+        if let Some(wanted) = &sample.text {
+            self.text(&words(meaning, &value), wanted);
+        }
+        let unit = meaning.map_or("", |meaning| meaning.unit.as_str());
+        match &sample.unit {
+            Some(wanted) if wanted != unit => self.differs("unit", quoted(unit), quoted(wanted)),
+            _ => {}
+        }
+    }
+
+    fn abort(&mut self, transfer: &SdoTransfer, code: u32) {
+        let found = transfer.abort.map(|abort| abort.code);
+        if found != Some(code) {
+            let found = found.map_or("none".into(), |found| format!("{found:08X}"));
+            return self.differs("abort", found, format!("{code:08X}"));
+        }
+        if let Some(wanted) = &self.sample.text {
+            let own = self.device.abort(code, transfer.object);
+            self.text(own.map_or("", |own| own.text.as_str()), wanted);
+        }
+    }
+
+    fn state(&mut self, wanted: &str, outcomes: &Outcomes) {
+        let sample = self.sample;
+        let bus = outcomes.decoder.buses().first();
+        let node = bus.and_then(|bus| bus.node(sample.node));
+        let mut states = node.into_iter().flat_map(Node::device_states);
+        let state = states.find(|(channel, _)| sample.channel.is_none() || *channel == sample.channel);
+        match state {
+            Some((_, state)) if state.name == wanted => {}
+            Some((_, state)) => return self.differs("state", &state.name, wanted),
+            None => return self.differs("state", "none reported", wanted),
+        }
+        let Some(wanted) = &sample.cause else { return };
+        let is_meant = |state: &DeviceState| sample.channel.is_none() || state.channel == sample.channel;
+        let change = outcomes.find(|kind| match kind {
+            EventKind::DeviceState(state) if is_meant(state) => Some(state),
+            _ => None,
+        });
+        let found = change.map_or("no change", |state| state.cause.name());
+        if found != wanted {
+            self.differs("cause", found, wanted);
+        }
+    }
+
+    fn procedure(&mut self, wanted: &str, outcomes: &Outcomes) {
+        let mut found = Vec::new();
+        for kind in &outcomes.events {
+            let EventKind::Procedure(event) = kind else { continue };
+            let status = self.sample.status.as_deref();
+            let fits = status.is_none_or(|status| event.status == status || event.step == status);
+            if event.procedure == wanted && fits {
+                return;
+            }
+            found.push(format!("{} {} {}", event.procedure, event.step, event.status));
+        }
+        let found = if found.is_empty() { outcomes.kinds() } else { found.join(", ") };
+        let status = self.sample.status.as_deref().unwrap_or_default();
+        self.differs("procedure", found, format!("{wanted} {status}"));
+    }
+
+    fn gate(&mut self, wanted: &str, outcomes: &Outcomes) {
+        let mut found = Vec::new();
+        for kind in &outcomes.events {
+            let EventKind::SetPoint(point) = kind else { continue };
+            if point.effective == Effective::No && point.gates.iter().any(|gate| gate == wanted) {
+                return;
+            }
+            let gates = point.gates.join(", ");
+            found.push(format!("{} effective {} ({gates})", point.signal, point.effective.name()));
+        }
+        let found = if found.is_empty() { outcomes.kinds() } else { found.join("; ") };
+        self.differs("gate", found, format!("closed: {wanted}"));
+    }
+
+    /// Runs the frames.
+    fn outcomes(&self) -> Result<Outcomes, String> {
+        let mut capture = String::new();
+        for (number, frame) in self.sample.frames.iter().enumerate() {
+            let time = number.saturating_mul(STEP);
+            let (seconds, thousandths) = (time / 1000, time % 1000);
+            // Writing to a string cannot fail.
+            let _ = writeln!(capture, "({}.{thousandths:03}000) {BUS} {frame}", 1_000_000_000 + seconds);
+        }
+        let unreadable = || "no frame can be read: write 182#08A0, 701#R, 702#".to_owned();
+        let mut reader =
+            Reader::open(capture.as_bytes(), &ReadOptions::default()).map_err(|_| unreadable())?;
+        let mut outcomes = Outcomes { events: Vec::new(), decoder: Decoder::new(self.options()?) };
+        let mut batch = Batch::new();
+        while reader.read(&mut batch).map_err(|_| unreadable())? {
+            for item in batch.items() {
+                match item {
+                    Item::Frame(frame) => {
+                        outcomes.events.clear();
+                        let events = &mut outcomes.events;
+                        let mut keep = |event: &Event, _: &Bus| events.push(event.kind.clone());
+                        outcomes.decoder.push(frame, reader.buses(), &mut keep);
+                    }
+                    Item::Notice(Notice::Unreadable { place, reason }) => {
+                        return Err(format!("frames: {place}: {reason}"));
+                    }
+                    Item::Notice(_) => {}
+                }
+            }
+        }
+        Ok(outcomes)
+    }
+
+    /// The node is the device, and what is given is known of it.
+    fn options(&self) -> Result<SessionOptions, String> {
+        let sample = self.sample;
+        let mut settings = Settings::default();
+        for (object, value) in &sample.given {
+            let address = object.parse().map_err(|error| format!("given: {object}: {error}"))?;
+            let value = match value {
+                Given::Number(number) => ObjectValue::Number(*number),
+                Given::Text(text) => ObjectValue::Bytes(text.clone().into_bytes()),
+                Given::Real(_) => return Err(format!("given: {object}: give the raw number")),
+            };
+            settings.objects.push((sample.node, address, value));
+        }
+        // A mapping takes effect with its sub-index 0 (CiA 301 §7.5.2.36), so that comes last.
+        settings.objects.sort_by_key(|(_, object, _)| object.sub == 0);
+        for (name, entries) in &sample.areas {
+            let entries =
+                entries.iter().map(|entry| entry.parse().map_err(|error| format!("{name}: {error}")));
+            settings.areas.push((sample.node, name.clone(), entries.collect::<Result<_, String>>()?));
+        }
+        Ok(SessionOptions {
+            protocol: ProtocolChoice::Canopen,
+            bus_file: BusFile { everywhere: settings, buses: Vec::new() },
+            assignments: vec![Assignment {
+                bus: None,
+                node: sample.node,
+                device: Arc::clone(self.device),
+                by: AssignedBy::Option,
+            }],
+            ..SessionOptions::default()
+        })
+    }
+}
+
+fn quoted(text: &str) -> String {
+    format!("'{text}'")
+}
+
+/// The quantity in its unit, or the plain number of an object without scale.
+fn number(meaning: Option<&Meaning>, value: &Value) -> Option<f64> {
+    match meaning.and_then(|meaning| meaning.scale) {
+        Some(_) => meaning?.scaled(value),
+        #[expect(clippy::cast_precision_loss, reason = "compared with numbers of few digits")]
+        None => match value {
+            Value::Real(number) => Some(*number),
+            Value::Unsigned(number) => Some(*number as f64),
+            _ => integer(value).map(|number| number as f64),
+        },
+    }
+}
+
+/// The name of a value, the names of the bits that are set, or the text it is.
+fn words(meaning: Option<&Meaning>, value: &Value) -> String {
+    if let Value::Text(text) = value {
+        return text.clone();
+    }
+    let Some(meaning) = meaning else { return value.to_string() };
+    if let Some(label) = meaning.label(value) {
+        return label.to_owned();
+    }
+    let (Some(bits), Some(word)) = (meaning.bits.as_deref(), word(value)) else { return meaning.show(value) };
+    let named = bits.list.iter().filter(|bit| !bit.reserved);
+    let set = named.filter_map(|bit| match (bit.of(word), bit.width) {
+        (0, _) => None,
+        (_, 1) => Some(bit.name.clone()),
+        (number, _) => Some(format!("{} {number}", bit.name)),
+    });
+    set.collect::<Vec<_>>().join(", ")
+}
