@@ -5,6 +5,7 @@
 
 mod corpus;
 mod device_files;
+mod devices;
 mod dialects;
 mod expected;
 mod fields;
@@ -22,6 +23,7 @@ mod properties;
 mod replay;
 mod same_events;
 mod sample_events;
+mod scene;
 mod schema;
 #[path = "../support/mod.rs"]
 mod support;
