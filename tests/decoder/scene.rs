@@ -126,7 +126,7 @@ pub fn events(path: &Path, options: SessionOptions, first: u64) -> Vec<Keys> {
         for item in batch.items() {
             match item {
                 Item::Frame(frame) if frame.number >= first => {
-                    let frame = Frame { number: frame.number - first + 1, ..frame.clone() };
+                    let frame = Frame { number: frame.number - first + 1, ..*frame };
                     decoder.push(&frame, reader.buses(), &mut observer);
                 }
                 Item::Frame(_) => {}
