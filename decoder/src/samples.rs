@@ -170,7 +170,9 @@ impl Run<'_> {
         let slack = half * 1e-6;
         let fits = found.is_some_and(|found| (found - wanted_number).abs() <= half + slack);
         if !fits {
-            let found = found.map_or_else(|| quoted(&words(meaning, value)), |it| it.to_string());
+            // A millionth is finer than any device resolves.
+            let shown = |found: f64| ((found * 1e6).round() / 1e6).to_string();
+            let found = found.map_or_else(|| quoted(&words(meaning, value)), shown);
             self.say_at(wanted.span(), format!("{what}: found {found}, expected {written}"));
         }
     }

@@ -209,6 +209,27 @@ fn what_a_profile_s_grammar_does_not_show_is_found() {
 }
 
 #[test]
+fn samples_are_run() {
+    // 01 F2 = 498: 49.8 bar.
+    let sample = |value: &str| {
+        format!(
+            "{PUMP}\n[[sample]]\nabout = \"half\"\nframes = [\"181#03F201\"]\npdo = \"TPDO1\"\n\
+             signals = {{ \"2001:00\" = {value} }}\ntexts = {{ \"2000:00\" = \"on, hot\" }}\n"
+        )
+    };
+    let right = path(&folder("sample", &sample("49.8")).join("pump.toml"));
+    let output = run(&["profiles", "check", &right], "");
+    assert_eq!((output.stdout, output.code), (format!("{right}: ok, 1 samples\n"), 0));
+    let wrong = path(&folder("wrong-sample", &sample("49.4")).join("pump.toml"));
+    let output = run(&["profiles", "check", &wrong], "");
+    let expected = format!(
+        "cobscope: {wrong}:42:25: acme-pump: sample: half: 2001:00: found 49.8, expected 49.4\n\
+         \x20 42 | signals = {{ \"2001:00\" = 49.4 }}\n     |                         ^^^^\n"
+    );
+    assert_eq!((output.stderr, output.code), (expected, 4));
+}
+
+#[test]
 fn a_profile_of_the_user_explains_as_well() {
     let right = folder("explain", PUMP);
     let output = run(&["explain", "2001", "--device", "acme-pump", "--profiles", &path(&right)], "");
