@@ -2,27 +2,20 @@
 //!
 //! `profiles/README.md` says what a sample states. What it states is never taken from this program.
 
-use std::fmt::{Display, Write as _};
+mod run;
+
+use std::fmt::Display;
 use std::ops::Range;
 use std::sync::Arc;
 
 use toml::Spanned;
 
-use crate::bus_file::{BusFile, ObjectValue, Settings};
-use crate::capture::{Batch, Item, Notice, ReadOptions, Reader};
-use crate::decoder::Decoder;
-use crate::event::{DeviceState, Effective, Emergency, Event, EventKind, Outcome, Pdo, SdoTransfer};
+use crate::event::{DeviceState, Effective, Emergency, EventKind, Outcome, Pdo, SdoTransfer};
 use crate::profile::device::Sample;
-use crate::profile::object::Given;
 use crate::profile::{Device, Meaning, TextError, Value, emcy_codes, integer, word};
-use crate::session::{AssignedBy, Assignment, Bus, Node, ProtocolChoice, SessionOptions};
+use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
-
-/// Name of the only bus.
-const BUS: &str = "can0";
-
-/// Milliseconds between two frames.
-const STEP: usize = 10;
+use run::Outcomes;
 
 /// Runs all samples of one variant of a device; `text` is its profile's.
 pub fn check_samples(text: &str, device: &Arc<Device>) -> Vec<TextError> {
@@ -33,25 +26,6 @@ pub fn check_samples(text: &str, device: &Arc<Device>) -> Vec<TextError> {
         wrong.append(&mut run.wrong);
     }
     wrong
-}
-
-/// What the frames of a sample came to.
-struct Outcomes {
-    /// Events of the last frame.
-    events: Vec<EventKind>,
-    decoder: Decoder,
-}
-
-impl Outcomes {
-    fn find<'a, T>(&'a self, pick: impl Fn(&'a EventKind) -> Option<T>) -> Option<T> {
-        self.events.iter().find_map(pick)
-    }
-
-    /// What the last frame came to instead, for messages.
-    fn kinds(&self) -> String {
-        let names: Vec<_> = self.events.iter().map(EventKind::name).collect();
-        if names.is_empty() { "nothing".into() } else { names.join(", ") }
-    }
 }
 
 struct Run<'a> {
@@ -79,7 +53,7 @@ impl Run<'_> {
     }
 
     fn check(&mut self) {
-        let outcomes = match self.outcomes() {
+        let outcomes = match Outcomes::of(self.sample, self.device) {
             Ok(outcomes) => outcomes,
             Err(message) => return self.say(message),
         };
@@ -293,72 +267,6 @@ impl Run<'_> {
         }
         let found = if found.is_empty() { outcomes.kinds() } else { found.join("; ") };
         self.differs("gate", found, format!("closed: {wanted}"));
-    }
-
-    /// Runs the frames.
-    fn outcomes(&self) -> Result<Outcomes, String> {
-        let mut capture = String::new();
-        for (number, frame) in self.sample.frames.iter().enumerate() {
-            let time = number.saturating_mul(STEP);
-            let (seconds, thousandths) = (time / 1000, time % 1000);
-            // Writing to a string cannot fail.
-            let _ = writeln!(capture, "({}.{thousandths:03}000) {BUS} {frame}", 1_000_000_000 + seconds);
-        }
-        let unreadable = || "no frame can be read: write 182#08A0, 701#R, 702#".to_owned();
-        let mut reader =
-            Reader::open(capture.as_bytes(), &ReadOptions::default()).map_err(|_| unreadable())?;
-        let mut outcomes = Outcomes { events: Vec::new(), decoder: Decoder::new(self.options()?) };
-        let mut batch = Batch::new();
-        while reader.read(&mut batch).map_err(|_| unreadable())? {
-            for item in batch.items() {
-                match item {
-                    Item::Frame(frame) => {
-                        outcomes.events.clear();
-                        let events = &mut outcomes.events;
-                        let mut keep = |event: &Event, _: &Bus| events.push(event.kind.clone());
-                        outcomes.decoder.push(frame, reader.buses(), &mut keep);
-                    }
-                    Item::Notice(Notice::Unreadable { place, reason }) => {
-                        return Err(format!("frames: {place}: {reason}"));
-                    }
-                    Item::Notice(_) => {}
-                }
-            }
-        }
-        Ok(outcomes)
-    }
-
-    /// The node is the device, and what is given is known of it.
-    fn options(&self) -> Result<SessionOptions, String> {
-        let sample = self.sample;
-        let mut settings = Settings::default();
-        for (object, value) in &sample.given {
-            let address = object.parse().map_err(|error| format!("given: {object}: {error}"))?;
-            let value = match value {
-                Given::Number(number) => ObjectValue::Number(*number),
-                Given::Text(text) => ObjectValue::Bytes(text.clone().into_bytes()),
-                Given::Real(_) => return Err(format!("given: {object}: give the raw number")),
-            };
-            settings.objects.push((sample.node, address, value));
-        }
-        // A mapping takes effect with its sub-index 0 (CiA 301 §7.5.2.36), so that comes last.
-        settings.objects.sort_by_key(|(_, object, _)| object.sub == 0);
-        for (name, entries) in &sample.areas {
-            let entries =
-                entries.iter().map(|entry| entry.parse().map_err(|error| format!("{name}: {error}")));
-            settings.areas.push((sample.node, name.clone(), entries.collect::<Result<_, String>>()?));
-        }
-        Ok(SessionOptions {
-            protocol: ProtocolChoice::Canopen,
-            bus_file: BusFile { everywhere: settings, buses: Vec::new() },
-            assignments: vec![Assignment {
-                bus: None,
-                node: sample.node,
-                device: Arc::clone(self.device),
-                by: AssignedBy::Option,
-            }],
-            ..SessionOptions::default()
-        })
     }
 }
 

@@ -229,6 +229,16 @@ fn a_sample_that_shows_nothing_is_wrong() {
 }
 
 #[test]
+fn a_sample_belongs_to_a_node() {
+    for node in [0, 128] {
+        assert_eq!(
+            wrong(&format!("node = {node}\nframes = [\"081#\"]\nemcy = 0x8110")),
+            [format!("16: acme-pump: sample: node: {node}: a node-ID is 1 to 127")]
+        );
+    }
+}
+
+#[test]
 fn transfers_name_what_they_found() {
     let read = |rest: &str| {
         wrong(&format!("frames = [\"601#4001200000000000\", \"581#4B012000EF010000\"]\nobject = {rest}"))

@@ -1,0 +1,110 @@
+//! The frames of a sample through the decoder.
+
+use std::fmt::Write as _;
+use std::sync::Arc;
+
+use crate::bus_file::{BusFile, ObjectValue, Settings};
+use crate::capture::{Batch, Item, Notice, ReadOptions, Reader};
+use crate::decoder::Decoder;
+use crate::event::{Event, EventKind};
+use crate::profile::Device;
+use crate::profile::device::Sample;
+use crate::profile::object::Given;
+use crate::session::{AssignedBy, Assignment, Bus, ProtocolChoice, SessionOptions};
+
+/// Name of the only bus.
+const BUS: &str = "can0";
+
+/// Milliseconds between two frames.
+const STEP: usize = 10;
+
+/// What the frames of a sample came to.
+pub(super) struct Outcomes {
+    /// Events of the node in the last frame.
+    pub(super) events: Vec<EventKind>,
+    /// As it is behind it.
+    pub(super) decoder: Decoder,
+}
+
+impl Outcomes {
+    /// Runs the frames.
+    pub(super) fn of(sample: &Sample, device: &Arc<Device>) -> Result<Self, String> {
+        let mut capture = String::new();
+        for (number, frame) in sample.frames.iter().enumerate() {
+            let time = number.saturating_mul(STEP);
+            let (seconds, thousandths) = (time / 1000, time % 1000);
+            // Writing to a string cannot fail.
+            let _ = writeln!(capture, "({}.{thousandths:03}000) {BUS} {frame}", 1_000_000_000 + seconds);
+        }
+        let unreadable = || "no frame can be read: write 182#08A0, 701#R, 702#".to_owned();
+        let mut reader =
+            Reader::open(capture.as_bytes(), &ReadOptions::default()).map_err(|_| unreadable())?;
+        let mut outcomes = Self { events: Vec::new(), decoder: Decoder::new(options(sample, device)?) };
+        let mut batch = Batch::new();
+        while reader.read(&mut batch).map_err(|_| unreadable())? {
+            for item in batch.items() {
+                match item {
+                    Item::Frame(frame) => {
+                        outcomes.events.clear();
+                        let events = &mut outcomes.events;
+                        let mut keep = |event: &Event, _: &Bus| {
+                            if event.node == Some(sample.node) {
+                                events.push(event.kind.clone());
+                            }
+                        };
+                        outcomes.decoder.push(frame, reader.buses(), &mut keep);
+                    }
+                    Item::Notice(Notice::Unreadable { place, reason }) => {
+                        return Err(format!("frames: {place}: {reason}"));
+                    }
+                    Item::Notice(_) => {}
+                }
+            }
+        }
+        Ok(outcomes)
+    }
+
+    pub(super) fn find<'a, T>(&'a self, pick: impl Fn(&'a EventKind) -> Option<T>) -> Option<T> {
+        self.events.iter().find_map(pick)
+    }
+
+    /// What the last frame came to instead, for messages.
+    pub(super) fn kinds(&self) -> String {
+        let names: Vec<_> = self.events.iter().map(EventKind::name).collect();
+        if names.is_empty() { "nothing".into() } else { names.join(", ") }
+    }
+}
+
+/// The node is the device, and what is given is known of it.
+fn options(sample: &Sample, device: &Arc<Device>) -> Result<SessionOptions, String> {
+    if !(1..=127).contains(&sample.node) {
+        return Err(format!("node: {}: a node-ID is 1 to 127", sample.node));
+    }
+    let mut settings = Settings::default();
+    for (object, value) in &sample.given {
+        let address = object.parse().map_err(|error| format!("given: {object}: {error}"))?;
+        let value = match value {
+            Given::Number(number) => ObjectValue::Number(*number),
+            Given::Text(text) => ObjectValue::Bytes(text.clone().into_bytes()),
+            Given::Real(_) => return Err(format!("given: {object}: give the raw number")),
+        };
+        settings.objects.push((sample.node, address, value));
+    }
+    // A mapping takes effect with its sub-index 0 (CiA 301 §7.5.2.36), so that comes last.
+    settings.objects.sort_by_key(|(_, object, _)| object.sub == 0);
+    for (name, entries) in &sample.areas {
+        let entries = entries.iter().map(|entry| entry.parse().map_err(|error| format!("{name}: {error}")));
+        settings.areas.push((sample.node, name.clone(), entries.collect::<Result<_, String>>()?));
+    }
+    Ok(SessionOptions {
+        protocol: ProtocolChoice::Canopen,
+        bus_file: BusFile { everywhere: settings, buses: Vec::new() },
+        assignments: vec![Assignment {
+            bus: None,
+            node: sample.node,
+            device: Arc::clone(device),
+            by: AssignedBy::Option,
+        }],
+        ..SessionOptions::default()
+    })
+}
