@@ -128,9 +128,13 @@ impl Object {
         if distance == 0 {
             return Some(0);
         }
-        let stride = self.repeat.stride;
+        // Most objects are asked about an index they are not: no division for these.
+        let Repeat { count, stride, .. } = self.repeat;
+        if u32::from(distance) >= u32::from(count) * u32::from(stride) {
+            return None;
+        }
         let nth = distance.checked_div(stride)?;
-        (distance % stride == 0 && nth < self.repeat.count).then_some(nth)
+        (distance % stride == 0 && nth < count).then_some(nth)
     }
 
     /// The entry of a sub-index.
