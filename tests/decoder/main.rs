@@ -16,6 +16,7 @@ mod formats_text;
 mod fuzz_replay;
 #[path = "../../decoder/fuzz/src/harness/mod.rs"]
 mod harness;
+mod imported;
 mod limits;
 mod malformed;
 mod profiles;

@@ -9,6 +9,7 @@ use super::authored::Wrong;
 use super::data_type::DataType;
 use super::device::{Condition, Device, Machine, ProfileFile, Trigger, Wanted};
 use super::dictionary::{Dictionary, Entry, Object};
+use super::formula::formula;
 use super::layout::PdoName;
 use super::object::{BitNames, Given, Look, Names, Only, Scale, When};
 use super::position::TextError;
@@ -94,8 +95,25 @@ impl Check<'_> {
                 self.say(&entry.span, format!("default {default} lies outside range {least} to {most}"));
             }
         }
+        if let Some(Given::Text(text)) = &entry.default
+            && data_type.is_integer()
+        {
+            self.formula(text, data_type, &entry.span);
+        }
         if let Some(save) = entry.save {
             self.known(save, &entry.span, "save");
+        }
+    }
+
+    /// A default that depends on the node-ID; that of node 127 is the largest.
+    fn formula(&mut self, text: &str, data_type: DataType, span: &Range<usize>) {
+        let bits = u32::from(data_type.bits().unwrap_or(64));
+        match formula(text, Some(127)) {
+            None => self.say(span, format!("default '{text}' is no number: write 5 or \"$NODEID+0x200\"")),
+            Some(most) if most > u64::MAX >> (64 - bits) => {
+                self.say(span, format!("default {text} does not fit {}", data_type.name()));
+            }
+            Some(_) => {}
         }
     }
 
@@ -408,6 +426,13 @@ mod tests {
         assert_eq!(wrong, ["2: default 6 lies outside range 0 to 5"]);
         let wrong = errors(&object("type = \"UNSIGNED8\"\nvalues = { 0x100 = \"x\" }"));
         assert_eq!(wrong, ["2: values 256 does not fit UNSIGNED8"]);
+        let default = |text: &str| errors(&object(&format!("type = \"UNSIGNED16\"\ndefault = \"{text}\"")));
+        assert_eq!(default("$NODEID+0x200"), [""; 0]);
+        assert_eq!(default("$NODEID+0xFFFF"), ["2: default $NODEID+0xFFFF does not fit UNSIGNED16"]);
+        assert_eq!(
+            default("0x80+$NODE"),
+            ["2: default '0x80+$NODE' is no number: write 5 or \"$NODEID+0x200\""]
+        );
         assert_eq!(errors(&object("unit = \"bar\"")), ["2: a value that is described needs its type"]);
     }
 

@@ -114,6 +114,21 @@ impl DataType {
         )
     }
 
+    /// Whether it is one of INTEGERn or UNSIGNEDn.
+    pub fn is_integer(self) -> bool {
+        self.is_signed() || self.bits().is_some_and(|bits| self == Self::unsigned(bits))
+    }
+
+    /// Least and largest number of an integer type; `None` for other types and what `i64` does not hold.
+    pub fn bounds(self) -> Option<[i64; 2]> {
+        let bits = u32::from(self.bits().filter(|_| self.is_integer())?);
+        Some(if self.is_signed() {
+            [i64::MIN >> (64 - bits), i64::MAX >> (64 - bits)]
+        } else {
+            [0, i64::MAX.checked_shr(63_u32.checked_sub(bits)?)?]
+        })
+    }
+
     /// The value of `data`, least significant byte first. Data of another length than the type's is
     /// [`Value::Bytes`]; data that is longer by padding only (an expedited transfer without size)
     /// counts by its first bytes.
@@ -145,10 +160,9 @@ impl DataType {
 
     /// The type of the low `bits` of a wider integer; `None` where there is none of that width.
     pub fn narrowed(self, bits: u16) -> Option<Self> {
-        let width = self.bits().filter(|width| *width > bits)?;
+        self.bits().filter(|width| *width > bits)?;
         let unsigned = Self::unsigned(bits);
-        let is_integer = self.is_signed() || self == Self::unsigned(width);
-        if !is_integer || unsigned.bits() != Some(bits) {
+        if !self.is_integer() || unsigned.bits() != Some(bits) {
             return None;
         }
         Some(if self.is_signed() { Self::signed(bits) } else { unsigned })
@@ -220,6 +234,16 @@ mod tests {
         assert_eq!(DataType::Integer24.decode(&[0xFF, 0xFF, 0xFF]), Value::Integer(-1));
         assert_eq!(DataType::Real32.decode(&[0, 0, 0xC0, 0x3F]), Value::Real(1.5));
         assert_eq!(DataType::Unsigned64.decode(&[0xFF; 8]), Value::Unsigned(u64::MAX));
+    }
+
+    #[test]
+    fn integers_have_bounds() {
+        assert_eq!(DataType::Integer8.bounds(), Some([-128, 127]));
+        assert_eq!(DataType::Integer64.bounds(), Some([i64::MIN, i64::MAX]));
+        assert_eq!(DataType::Unsigned24.bounds(), Some([0, 0xFF_FFFF]));
+        assert_eq!(DataType::Unsigned56.bounds(), Some([0, 0xFF_FFFF_FFFF_FFFF]));
+        assert_eq!((DataType::Unsigned64.bounds(), DataType::Real32.bounds()), (None, None));
+        assert!(!DataType::Boolean.is_integer() && !DataType::TimeOfDay.is_integer());
     }
 
     #[test]

@@ -4,6 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::data_type::DataType;
+use super::formula::formula;
 use super::object::{Access, Effect, Format, Given, Look, Only, Repeat, Scale, Storage, When};
 use super::reference::{ObjectRange, Reference};
 use crate::wire::canopen::ObjectAddress;
@@ -103,6 +104,28 @@ impl Dictionary {
         index_only
     }
 
+    /// Place of the layer that describes an entry.
+    pub(super) fn layer_of(&self, address: ObjectAddress) -> Option<usize> {
+        self.layers.iter().position(|layer| layer.iter().any(|object| object.has(address)))
+    }
+
+    /// Addresses `picks` among those with a default, ascending.
+    pub fn defaults(&self, picks: impl Fn(ObjectAddress) -> bool) -> Vec<ObjectAddress> {
+        let mut found = Vec::new();
+        for object in self.layers.iter().flat_map(|layer| layer.iter()) {
+            for entry in object.entries.iter().filter(|entry| entry.default.is_some()) {
+                for nth in 0..object.repeat.count {
+                    let index = object.index.wrapping_add(nth.wrapping_mul(object.repeat.stride));
+                    let addresses = (entry.sub..=entry.to).map(|sub| ObjectAddress::new(index, sub));
+                    found.extend(addresses.filter(|address| picks(*address)));
+                }
+            }
+        }
+        found.sort_unstable();
+        found.dedup();
+        found
+    }
+
     /// Type of an address.
     pub fn data_type(&self, address: ObjectAddress) -> Option<DataType> {
         self.find(address)?.entry?.data_type
@@ -135,6 +158,11 @@ impl Object {
         }
         let nth = distance.checked_div(stride)?;
         (distance % stride == 0 && nth < count).then_some(nth)
+    }
+
+    /// Whether it describes an entry.
+    pub(super) fn has(&self, address: ObjectAddress) -> bool {
+        self.nth(address.index).is_some() && self.entry(address.sub).is_some()
     }
 
     /// The entry of a sub-index.
@@ -172,7 +200,45 @@ impl Object {
     }
 }
 
+impl Entry {
+    /// The raw number it holds as delivered; `$NODEID+0x200` is one where the node-ID is known.
+    pub fn default_number(&self, node: Option<u8>) -> Option<i64> {
+        match self.default.as_ref()? {
+            Given::Number(number) => Some(*number),
+            Given::Text(text) if self.data_type.is_none_or(DataType::is_integer) => {
+                i64::try_from(formula(text, node)?).ok()
+            }
+            Given::Text(_) | Given::Real(_) => None,
+        }
+    }
+}
+
 impl Found<'_> {
+    /// The entry as one of its own: a single sub-index, without repeat, with references that do not move.
+    pub(super) fn alone(&self) -> Option<Entry> {
+        let (nth, stride) = (self.nth, self.object.repeat.stride);
+        let mut entry = self.entry?.clone();
+        (entry.sub, entry.to) = (self.address.sub, self.address.sub);
+        entry.channel = self.channel();
+        entry.only = Only::default();
+        entry.save = entry.save.map(|save| save.pinned(nth, stride));
+        entry.invalidates = entry.invalidates.iter().map(|range| range.pinned(nth, stride)).collect();
+        for (when, _) in &mut entry.modes {
+            when.object = when.object.pinned(nth, stride);
+        }
+        let modes = entry.modes.iter_mut().map(|(_, look)| look);
+        for look in modes.chain([&mut entry.look]) {
+            for name in [&mut look.name, &mut look.short].into_iter().flatten() {
+                *name = self.numbered(name);
+            }
+            look.of = look.of.map(|of| of.pinned(nth, stride));
+            if let Some(Scale::ByObject { object, .. }) = &mut look.scale {
+                *object = object.pinned(nth, stride);
+            }
+        }
+        Some(entry)
+    }
+
     /// Name of the object.
     pub fn object_name(&self) -> String {
         self.numbered(&self.object.name)

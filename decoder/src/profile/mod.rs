@@ -11,6 +11,8 @@ mod data_type;
 pub mod device;
 pub mod device_file;
 mod dictionary;
+mod formula;
+pub mod imported;
 mod layout;
 mod lookup;
 mod meaning;
@@ -26,6 +28,7 @@ pub(crate) use data_type::little_endian;
 pub use data_type::{DataType, Value};
 pub use device::Device;
 pub use dictionary::{Dictionary, Entry, Found, Object};
+pub use formula::formula;
 pub use layout::{Field, Layout, PdoDirection, PdoName, RawValue, Signal};
 pub use lookup::{
     Bits, CanErrors, Code, Codes, LssNames, abort_codes, can_errors, emcy_codes, error_register, fault_hints,

@@ -3,7 +3,7 @@
 use super::data_type::{DataType, Value};
 use super::dictionary::{Dictionary, Entry, Found};
 use super::meaning::{Factor, Meaning, integer};
-use super::object::{Given, Look, Scale};
+use super::object::{Look, Scale};
 use crate::wire::canopen::ObjectAddress;
 
 /// Deepest chain of objects whose scale depends on another one.
@@ -44,14 +44,21 @@ pub struct Number {
 pub struct Resolver<'a> {
     dictionary: &'a Dictionary,
     known: &'a dyn Known,
+    /// Node-ID, for defaults that depend on it.
+    node: Option<u8>,
     /// Objects whose value decided something.
     pub looked_at: Vec<ObjectAddress>,
 }
 
 impl<'a> Resolver<'a> {
-    /// A resolver for one node.
+    /// A resolver for a node of any node-ID: defaults that depend on it are unknown.
     pub fn new(dictionary: &'a Dictionary, known: &'a dyn Known) -> Self {
-        Self { dictionary, known, looked_at: Vec::new() }
+        Self { dictionary, known, node: None, looked_at: Vec::new() }
+    }
+
+    /// A resolver for one node.
+    pub fn for_node(dictionary: &'a Dictionary, known: &'a dyn Known, node: u8) -> Self {
+        Self { node: Some(node), ..Self::new(dictionary, known) }
     }
 
     /// What an object means now; `None` if the dictionary does not know its index.
@@ -71,10 +78,7 @@ impl<'a> Resolver<'a> {
             let data_type = entry.and_then(|entry| entry.data_type).unwrap_or(DataType::unsigned(width));
             return Some(Number { raw: integer(&data_type.decode(bytes))?, assumed });
         }
-        match entry?.default {
-            Some(Given::Number(raw)) => Some(Number { raw, assumed: true }),
-            _ => None,
-        }
+        entry?.default_number(self.node).map(|raw| Number { raw, assumed: true })
     }
 
     fn meaning_of(&mut self, found: &Found<'_>, depth: u8) -> Meaning {

@@ -29,6 +29,7 @@ pub use sample::Sample;
 
 use super::authored::{self, Authored, Tables, Wrong};
 use super::dictionary::{Dictionary, Object};
+use super::imported::Import;
 use super::object::{BitNames, Names, Only};
 use super::position::TextError;
 use crate::wire::canopen::ObjectAddress;
@@ -140,6 +141,8 @@ pub struct Device {
     pub waivers: Vec<Waiver>,
     /// Objects whose value decides how others are read.
     pub deciding: Vec<ObjectAddress>,
+    /// The device file it was made of, wholly or in part.
+    pub file: Option<Import>,
     /// Samples with their place in the file.
     pub samples: Vec<(Range<usize>, Sample)>,
     /// PDOs, machines and gates with their places in the file, for checks.
@@ -303,7 +306,7 @@ impl ProfileFile {
 
 impl Device {
     /// Objects that modes, scales and PDO layouts look at.
-    fn deciding_objects(&self) -> Vec<ObjectAddress> {
+    pub(super) fn deciding_objects(&self) -> Vec<ObjectAddress> {
         let mut all = Vec::new();
         for object in self.dictionary.layers.iter().flat_map(|layer| layer.iter()) {
             object.deciding(&mut all);

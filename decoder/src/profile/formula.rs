@@ -1,0 +1,36 @@
+//! Numbers that depend on the node-ID: `$NODEID+0x180` (CiA 306-1 §4.6.3), in profiles and device files.
+
+/// `$NODEID+0x180`, `0x180+$NODEID`, `0x1A0`, with spaces, in any case; `None` for other texts, and where it
+/// asks for a node-ID that is not known.
+pub fn formula(text: &str, node: Option<u8>) -> Option<u64> {
+    let mut sum: u64 = 0;
+    for part in text.split('+').map(str::trim) {
+        let number = if part.eq_ignore_ascii_case("$NODEID") {
+            u64::from(node?)
+        } else {
+            match part.strip_prefix("0x").or_else(|| part.strip_prefix("0X")) {
+                Some(digits) => u64::from_str_radix(digits, 16).ok()?,
+                None => part.parse().ok()?,
+            }
+        };
+        sum = sum.checked_add(number)?;
+    }
+    Some(sum)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn formulas_of_identifiers() {
+        assert_eq!(formula("$NODEID+0x180", Some(5)), Some(0x185));
+        assert_eq!(formula("0x180 + $nodeid", Some(5)), Some(0x185));
+        assert_eq!(formula("0x1A0", None), Some(0x1A0));
+        assert_eq!(formula("384", Some(5)), Some(0x180));
+        assert_eq!(formula("$NODEID+0x180", None), None);
+        assert_eq!(formula("$NODE+1", Some(5)), None);
+        assert_eq!(formula("", Some(5)), None);
+        assert_eq!(formula("0xFFFFFFFFFFFFFFFF+1", None), None);
+    }
+}

@@ -1,0 +1,151 @@
+//! Device files as devices, and as profiles: what an EDS, DCF or XDD says in the words of a profile.
+//!
+//! ```text
+//! DeviceFile ─objects─▶ Object ─┬─▶ Device: the file's objects before those of CiA 301
+//!                               └─repeat, text─▶ a profile in TOML
+//! ```
+//!
+//! A device file knows no units, scales or names of values. Where a standard describes the same entry with the
+//! same type, it is the standard's, with the access, default and limits of the file.
+
+mod objects;
+mod pdos;
+mod repeat;
+mod text;
+
+use std::sync::Arc;
+
+use super::device::{Device, Identity};
+use super::device_file::{DeviceFile, Kind};
+use super::dictionary::{Dictionary, Object};
+use super::plain_device;
+use crate::wire::canopen::ObjectAddress;
+
+pub use text::toml;
+
+/// Longest id made of names.
+const LONGEST_ID: usize = 60;
+
+/// The device file a device was made of, wholly or in part.
+#[derive(Debug, Clone)]
+pub struct Import {
+    /// The file.
+    pub file: Arc<DeviceFile>,
+    /// Place of its objects among the dictionary's layers; the first if nothing else describes the device.
+    layer: usize,
+}
+
+/// The device of a file; `name` is that of the file without its folder.
+pub fn device(file: &Arc<DeviceFile>, name: &str) -> Device {
+    let standard = plain_device();
+    let mut device = Device { file: None, ..(**standard).clone() };
+    device.id = id(file, name);
+    device.full_id.clone_from(&device.id);
+    device.title = title(file, name);
+    device.vendor.clone_from(&file.vendor_name);
+    name.clone_into(&mut device.source);
+    device.identities = identity(file).into_iter().collect();
+    let objects = objects::objects(file, &standard.dictionary, |_| true).list;
+    device.dictionary.layers.insert(0, Arc::new(objects));
+    device.deciding = device.deciding_objects();
+    device.file = Some(Import { file: Arc::clone(file), layer: 0 });
+    device
+}
+
+impl Device {
+    /// Whether a device file is all that describes it.
+    pub fn is_file_alone(&self) -> bool {
+        self.file.as_ref().is_some_and(|import| import.layer == 0)
+    }
+
+    /// Who says how an object is delivered: `profile`, or the kind of the device file.
+    pub fn default_origin(&self, object: ObjectAddress) -> &'static str {
+        let layer = self.dictionary.layer_of(object);
+        let import = self.file.as_ref().filter(|import| layer == Some(import.layer));
+        import.map_or("profile", |import| import.file.kind.name())
+    }
+
+    /// The same device, with a device file that fills in what its profile leaves out.
+    #[must_use]
+    pub fn filled(&self, file: &Arc<DeviceFile>) -> Self {
+        let layers = &self.dictionary.layers;
+        let (own, standards) =
+            layers.split_first().map_or((&[][..], &[][..]), |(own, standards)| (&own[..], standards));
+        let standards = Dictionary { layers: standards.to_vec() };
+        let says =
+            |address| own.iter().any(|object: &Object| object.has(address)) || self.says_of_pdo(address);
+        let objects = objects::objects(file, &standards, |address| !says(address)).list;
+        let layer = layers.len().min(1);
+        let mut device = self.clone();
+        device.dictionary.layers.insert(layer, Arc::new(objects));
+        device.deciding = device.deciding_objects();
+        device.file = Some(Import { file: Arc::clone(file), layer });
+        device
+    }
+
+    /// Whether its profile says in its own way what this PDO parameter would.
+    fn says_of_pdo(&self, address: ObjectAddress) -> bool {
+        self.pdos.iter().any(|spec| {
+            address.index == spec.pdo.mapping_index()
+                || spec.cob_id.is_some() && address == ObjectAddress::new(spec.pdo.communication_index(), 1)
+        })
+    }
+}
+
+impl Kind {
+    /// The word in output.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Eds => "eds",
+            Self::Dcf => "dcf",
+            Self::Xdd => "xdd",
+            Self::Xdc => "xdc",
+        }
+    }
+}
+
+/// Vendor-ID and product code: an identity that asks for less would fit other devices, and the revision
+/// differs from device to device.
+fn identity(file: &DeviceFile) -> Option<Identity> {
+    let (vendor_id, product_code) = (file.vendor_id?, file.product_code?);
+    Some(Identity { vendor_id: Some(vendor_id), product_code: Some(product_code), ..Identity::default() })
+}
+
+/// `vendor-product` of their names, else the name of the file.
+fn id(file: &DeviceFile, name: &str) -> String {
+    let (vendor, product) = (kebab(&file.vendor_name), kebab(&file.product_name));
+    if vendor.is_empty() || product.is_empty() {
+        id_of_name(name)
+    } else {
+        kebab(&format!("{vendor}-{product}"))
+    }
+}
+
+/// An id of the name of a file.
+pub fn id_of_name(name: &str) -> String {
+    let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
+    match kebab(stem) {
+        id if id.is_empty() => "device".to_owned(),
+        id => id,
+    }
+}
+
+fn title(file: &DeviceFile, name: &str) -> String {
+    let product = file.product_name.trim();
+    if product.is_empty() { id_of_name(name) } else { product.to_owned() }
+}
+
+/// Letters and digits of ASCII in small letters, a hyphen for all between.
+fn kebab(text: &str) -> String {
+    let lower = text.to_ascii_lowercase();
+    let words = lower.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
+    let mut id = String::new();
+    for word in words {
+        if !id.is_empty() {
+            id.push('-');
+        }
+        id.push_str(word);
+    }
+    id.truncate(LONGEST_ID);
+    id.trim_end_matches('-').to_owned()
+}

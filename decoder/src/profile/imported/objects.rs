@@ -1,0 +1,229 @@
+//! Entries of a device file to objects of a dictionary.
+
+use crate::profile::DataType;
+use crate::profile::device_file::{self, DeviceFile, DeviceObject, Problem};
+use crate::profile::dictionary::{Dictionary, Entry, Object};
+use crate::profile::object::{Access, Effect, Format, Given, Look, ONCE, Only, Storage};
+use crate::wire::canopen::ObjectAddress;
+
+/// Objects, and what of the file is not in them.
+pub(super) struct Objects {
+    pub(super) list: Vec<Object>,
+    pub(super) problems: Vec<Problem>,
+}
+
+/// The entries that are `wanted`; what the standards say of them counts, but for access, default and limits.
+pub(super) fn objects(
+    file: &DeviceFile,
+    standards: &Dictionary,
+    wanted: impl Fn(ObjectAddress) -> bool,
+) -> Objects {
+    let wanted: Vec<&DeviceObject> = file.objects.iter().filter(|object| wanted(object.address)).collect();
+    let mut objects = Objects { list: Vec::new(), problems: Vec::new() };
+    for entries in wanted.chunk_by(|first, second| first.address.index == second.address.index) {
+        let Some(first) = entries.first() else { continue };
+        let entries: Vec<Entry> = entries.iter().map(|entry| objects.entry(entry, standards)).collect();
+        objects.list.push(Object {
+            index: first.address.index,
+            repeat: ONCE,
+            name: object_name(first, standards),
+            is_record: entries.len() > 1 || first.address.sub != 0,
+            entries,
+            only: Only::default(),
+            source: String::new(),
+            span: 0..0,
+        });
+    }
+    objects
+}
+
+fn object_name(object: &DeviceObject, standards: &Dictionary) -> String {
+    match standards.find(object.address) {
+        Some(found) => found.object_name(),
+        None if object.object_name.is_empty() => format!("Object {:04X}", object.address.index),
+        None => unnumbered(&object.object_name),
+    }
+}
+
+/// A name in which nothing stands for the number of a repeat.
+fn unnumbered(name: &str) -> String {
+    name.replace("{n}", "(n)")
+}
+
+impl Objects {
+    fn entry(&mut self, object: &DeviceObject, standards: &Dictionary) -> Entry {
+        let found = standards.find(object.address);
+        let same = found.filter(|found| {
+            let known = found.entry.and_then(|entry| entry.data_type);
+            known.is_some() && (object.data_type.is_none() || object.data_type == known)
+        });
+        let mut entry = same.and_then(|found| found.alone()).unwrap_or_else(|| plain(object));
+        entry.access = object.access.map(access).or(entry.access);
+        entry.note = object.denotation.clone().unwrap_or_default();
+        let Some(data_type) = entry.data_type else { return entry };
+        if let Some(given) = &object.default {
+            entry.default = default(given, data_type);
+        }
+        entry.look.range = limits(object, data_type).or(entry.look.range);
+        if let (Some([least, most]), Some(Given::Number(default))) = (entry.look.range, &entry.default)
+            && !(least..=most).contains(default)
+        {
+            let reason = format!(
+                "{}: default {default} lies outside its limits {least} to {most}, which are left out",
+                object.address
+            );
+            self.problems.push(Problem { line: object.line, reason });
+            entry.look.range = None;
+        }
+        entry
+    }
+}
+
+/// An entry no standard describes.
+fn plain(object: &DeviceObject) -> Entry {
+    let name = object.entry_name.as_deref().filter(|name| !name.is_empty()).map(unnumbered);
+    Entry {
+        sub: object.address.sub,
+        to: object.address.sub,
+        data_type: object.data_type,
+        access: None,
+        format: Format::Decimal,
+        look: Look { name, ..Look::default() },
+        modes: Vec::new(),
+        default: None,
+        storage: Storage::Unknown,
+        save: None,
+        effect: Effect::Unknown,
+        invalidates: Vec::new(),
+        channel: None,
+        only: Only::default(),
+        source: String::new(),
+        note: String::new(),
+        span: 0..0,
+    }
+}
+
+/// Process inputs and outputs are read and written like others.
+const fn access(access: device_file::Access) -> Access {
+    match access {
+        device_file::Access::Ro => Access::Ro,
+        device_file::Access::Wo => Access::Wo,
+        device_file::Access::Rw | device_file::Access::Rwr | device_file::Access::Rww => Access::Rw,
+        device_file::Access::Const => Access::Const,
+    }
+}
+
+/// A default in the words of a profile; none where it does not fit its type, which the reader has said.
+fn default(given: &device_file::Given, data_type: DataType) -> Option<Given> {
+    Some(match given {
+        device_file::Given::Number(number) => match (bounds(data_type), i64::try_from(*number)) {
+            (Some([least, most]), _) if !(least..=most).contains(number) => return None,
+            (None, _) => return None,
+            (_, Ok(number)) => Given::Number(number),
+            (_, Err(_)) => Given::Text(format!("{number:#X}")),
+        },
+        device_file::Given::Formula { offset: 0 } => Given::Text("$NODEID".to_owned()),
+        device_file::Given::Formula { offset } => Given::Text(format!("$NODEID+{offset:#X}")),
+        device_file::Given::Real(number) => Given::Real(*number),
+        device_file::Given::Text(text) => Given::Text(text.clone()),
+        device_file::Given::Bytes(bytes) => {
+            let pairs: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
+            Given::Text(pairs.join(" "))
+        }
+    })
+}
+
+/// Numbers a type holds; `None` if it holds none.
+fn bounds(data_type: DataType) -> Option<[i128; 2]> {
+    let bits = u32::from(data_type.bits()?);
+    match data_type {
+        DataType::Real32 | DataType::Real64 => None,
+        _ if data_type.is_signed() => {
+            let limit = 1_i128 << (bits - 1);
+            Some([-limit, limit - 1])
+        }
+        _ => Some([0, (1_i128 << bits) - 1]),
+    }
+}
+
+/// Limits of an integer, where they say more than its type.
+fn limits(object: &DeviceObject, data_type: DataType) -> Option<[i64; 2]> {
+    let [least, most] = bounds(data_type).filter(|_| data_type.is_integer())?;
+    let limit = |given: &Option<device_file::Given>, fallback| match given {
+        None => Some(fallback),
+        Some(device_file::Given::Number(number)) => Some(*number),
+        Some(_) => None,
+    };
+    let (low, high) = (limit(&object.low, least)?, limit(&object.high, most)?);
+    let says_more = low <= high && low >= least && high <= most && (low, high) != (least, most);
+    says_more.then_some([i64::try_from(low).ok()?, i64::try_from(high).ok()?])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::profile::plain_device;
+
+    fn of(text: &str) -> Objects {
+        let file = device_file::parse(text.as_bytes()).unwrap();
+        objects(&file, &plain_device().dictionary, |_| true)
+    }
+
+    #[test]
+    fn what_a_standard_knows_better_is_the_standard_s() {
+        let objects = of("[1017]\nParameterName=HB\nDataType=6\nAccessType=rw\nDefaultValue=500\n\
+            [1A03]\nParameterName=x\nObjectType=9\n[1A03sub1]\nParameterName=y\nDataType=7\nAccessType=ro\nDefaultValue=0x60410010\n\
+            [1015]\nParameterName=Wrong type\nDataType=7\nAccessType=rw\n");
+        let [inhibit, heartbeat, mapping] = &objects.list[..] else { panic!("{:?}", objects.list) };
+        assert_eq!(
+            (heartbeat.name.as_str(), heartbeat.entries[0].effect),
+            ("Producer heartbeat time", Effect::AtOnce)
+        );
+        assert_eq!(heartbeat.entries[0].default, Some(Given::Number(500)));
+        assert_eq!((mapping.name.as_str(), mapping.is_record), ("TPDO mapping parameter", true));
+        let entry = &mapping.entries[0];
+        assert_eq!(
+            (entry.sub, entry.to, entry.format, entry.access),
+            (1, 1, Format::Mapping, Some(Access::Ro))
+        );
+        // In units of 100 µs it would be UNSIGNED16.
+        assert_eq!(
+            (inhibit.entries[0].look.unit.as_deref(), inhibit.entries[0].data_type),
+            (None, Some(DataType::Unsigned32))
+        );
+    }
+
+    #[test]
+    fn limits_count_where_they_say_more_than_the_type() {
+        let range = |keys: &str| {
+            let objects = of(&format!("[2000]\nParameterName=a\nAccessType=rw\n{keys}"));
+            (objects.list[0].entries[0].look.range, objects.problems.len())
+        };
+        assert_eq!(range("DataType=2\nLowLimit=-5\nHighLimit=5"), (Some([-5, 5]), 0));
+        assert_eq!(range("DataType=5\nLowLimit=1"), (Some([1, 255]), 0));
+        assert_eq!(range("DataType=5\nLowLimit=0\nHighLimit=0xFF"), (None, 0));
+        assert_eq!(range("DataType=5\nLowLimit=9\nHighLimit=5"), (None, 0));
+        assert_eq!(range("DataType=5\nLowLimit=$NODEID\nHighLimit=5"), (None, 0));
+        assert_eq!(range("DataType=8\nLowLimit=1\nHighLimit=5"), (None, 0));
+        assert_eq!(range("DataType=5\nHighLimit=5\nDefaultValue=6"), (None, 1));
+    }
+
+    #[test]
+    fn defaults_of_all_kinds() {
+        let of = |data_type: u8, value: &str| {
+            let text =
+                format!("[2000]\nParameterName=a\nAccessType=rw\nDataType={data_type}\nDefaultValue={value}");
+            of(&text).list[0].entries[0].default.clone()
+        };
+        let text = |text: &str| Some(Given::Text(text.to_owned()));
+        assert_eq!(of(3, "0xFFB2"), Some(Given::Number(-78)));
+        assert_eq!(of(7, "$NODEID + 0x80000200"), text("$NODEID+0x80000200"));
+        assert_eq!(of(5, "$NODEID"), text("$NODEID"));
+        assert_eq!(of(0x1B, "0xFFFFFFFFFFFFFFFF"), text("0xFFFFFFFFFFFFFFFF"));
+        assert_eq!(of(8, "1.5"), Some(Given::Real(1.5)));
+        assert_eq!(of(9, "abc"), text("abc"));
+        assert_eq!(of(10, "c83d"), text("C8 3D"));
+        // It does not fit, which the reader says.
+        assert_eq!(of(5, "256"), None);
+    }
+}

@@ -1,0 +1,166 @@
+//! A device file as the text of a profile, to go on from.
+
+use std::fmt::Write as _;
+use std::sync::Arc;
+
+use super::{pdos, repeat};
+use crate::profile::Device;
+use crate::profile::device_file::{DeviceFile, Problem};
+use crate::profile::dictionary::{Entry, Object};
+use crate::profile::object::{Effect, Format, Given, ONCE, Scale};
+use crate::profile::plain_device;
+
+/// The profile of a file; `name` is that of the file without its folder. What could not be read, or not be
+/// said in a profile, stands in comments at the top.
+pub fn toml(file: &Arc<DeviceFile>, name: &str) -> String {
+    let device = super::device(file, name);
+    let standard = &plain_device().dictionary;
+    let mut problems = file.problems.clone();
+    problems.extend(super::objects::objects(file, standard, |_| true).problems);
+    problems.sort_by_key(|problem| problem.line);
+    let objects = device.dictionary.own();
+    let (pdos, left_out) = pdos::pdos(objects, &device.dictionary);
+    let values = file.objects.iter().filter(|object| object.value.is_some()).count();
+    let values = (values > 0).then(|| format!("{values} configured values: they are those of one device"));
+    problems.extend(left_out.into_iter().chain(values).map(|reason| Problem { line: 0, reason }));
+    let mut text = head(&device, name, &problems);
+    for object in repeat::together(objects, says) {
+        push_object(&object, &mut text);
+    }
+    for pdos::Pdo { name, fields } in pdos {
+        let _ = writeln!(text, "\n[[pdo]]\npdo = \"{name}\"\nmapping = \"default\"\nfields = [");
+        for (object, bits) in fields {
+            let object = object.map_or(String::new(), |object| format!("object = \"{object}\", "));
+            let _ = writeln!(text, "  {{ {object}bits = {bits} }},");
+        }
+        text.push_str("]\n");
+    }
+    text
+}
+
+fn head(device: &Device, name: &str, problems: &[Problem]) -> String {
+    let mut text = format!("# Made of {}.", escaped(name));
+    match problems.len() {
+        0 => text.push('\n'),
+        count => _ = writeln!(text, " What could not be read or said ({count}):"),
+    }
+    for problem in problems {
+        let _ = writeln!(text, "# {}", escaped(&problem.to_string()));
+    }
+    let _ = writeln!(text, "\nid = {}\ntitle = {}", quoted(&device.id), quoted(&device.title));
+    if !device.vendor.is_empty() {
+        let _ = writeln!(text, "vendor = {}", quoted(&device.vendor));
+    }
+    let _ = writeln!(text, "source = {}\nextends = [\"cia301\"]", quoted(name));
+    for identity in &device.identities {
+        text.push_str("\n[[identity]]\n");
+        for (key, number) in [("vendor_id", identity.vendor_id), ("product_code", identity.product_code)] {
+            if let Some(number) = number {
+                let _ = writeln!(text, "{key} = {number:#010X}");
+            }
+        }
+    }
+    text
+}
+
+fn push_object(object: &Object, text: &mut String) {
+    let _ = writeln!(text, "\n[[object]]\nindex = {:#06X}", object.index);
+    if object.repeat != ONCE {
+        let repeat = object.repeat;
+        let first =
+            if repeat.first == ONCE.first { String::new() } else { format!(", first = {}", repeat.first) };
+        let _ = writeln!(text, "repeat = {{ count = {}, stride = {}{first} }}", repeat.count, repeat.stride);
+    }
+    text.push_str(&says(object));
+}
+
+/// What an object says but for its index.
+fn says(object: &Object) -> String {
+    let mut text = format!("name = {}\n", quoted(&object.name));
+    if let ([entry], false) = (&object.entries[..], object.is_record) {
+        for (key, value) in keys(entry) {
+            let _ = writeln!(text, "{key} = {value}");
+        }
+        return text;
+    }
+    text.push_str("sub = [\n");
+    let mut entries = object.entries.iter().map(|entry| (entry, inline(entry))).peekable();
+    while let Some((entry, keys)) = entries.next() {
+        let mut last = entry.to;
+        while let Some((next, _)) =
+            entries.next_if(|(next, same)| last.checked_add(1) == Some(next.sub) && *same == keys)
+        {
+            last = next.to;
+        }
+        let to = if last > entry.sub { format!(", to = {last}") } else { String::new() };
+        let _ = writeln!(text, "  {{ sub = {}{to}{keys} }},", entry.sub);
+    }
+    text + "]\n"
+}
+
+/// `, name = "…", type = "…"`
+fn inline(entry: &Entry) -> String {
+    let name = entry.look.name.iter().map(|name| ("name", quoted(name)));
+    let all = name.chain(keys(entry)).map(|(key, value)| format!(", {key} = {value}"));
+    all.collect()
+}
+
+/// All an entry of a device file can have but its name: units and the like are those of CiA 301.
+fn keys(entry: &Entry) -> Vec<(&'static str, String)> {
+    let look = &entry.look;
+    let format = match entry.format {
+        Format::Decimal => None,
+        Format::Hex => Some("hex"),
+        Format::Mapping => Some("mapping"),
+        Format::Ascii => Some("ascii"),
+    };
+    let scale = match look.scale {
+        Some(Scale::Factor(factor)) => Some(format!("{factor}")),
+        _ => None,
+    };
+    let effect = Some(entry.effect).filter(|effect| *effect != Effect::Unknown);
+    let all = [
+        ("type", entry.data_type.map(|data_type| quoted(&data_type.name()))),
+        ("access", entry.access.map(|access| quoted(access.name()))),
+        ("format", format.map(quoted)),
+        ("unit", look.unit.as_deref().map(quoted)),
+        ("scale", scale),
+        ("range", look.range.map(|[least, most]| format!("[{least}, {most}]"))),
+        ("default", entry.default.as_ref().map(|default| given(default, entry.format))),
+        ("effect", effect.map(|effect| quoted(effect.name()))),
+        ("note", Some(quoted(&entry.note)).filter(|_| !entry.note.is_empty())),
+    ];
+    all.into_iter().filter_map(|(key, value)| Some((key, value?))).collect()
+}
+
+fn given(given: &Given, format: Format) -> String {
+    match given {
+        Given::Number(number @ 0..) if matches!(format, Format::Hex | Format::Mapping) => {
+            format!("{number:#X}")
+        }
+        Given::Number(number) => number.to_string(),
+        Given::Real(number) => format!("{number:?}"),
+        Given::Text(text) => quoted(text),
+    }
+}
+
+/// A text as TOML has it.
+fn quoted(text: &str) -> String {
+    let quotes = text.replace('\\', "\\\\").replace('"', "\\\"");
+    format!("\"{}\"", escaped(&quotes))
+}
+
+/// Control characters, and the marks that reorder text, as `\u001B`.
+fn escaped(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for c in text.chars() {
+        let reorders =
+            matches!(c, '\u{200E}' | '\u{200F}' | '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}');
+        if c.is_control() || reorders {
+            let _ = write!(escaped, "\\u{:04X}", u32::from(c));
+        } else {
+            escaped.push(c);
+        }
+    }
+    escaped
+}

@@ -1,0 +1,97 @@
+//! Device files as devices and as profiles: both say the same, and the profile is without mistakes.
+
+#![expect(clippy::disallowed_methods, reason = "the rule is for the decoder, not for what tests it")]
+#![expect(clippy::panic, reason = "helpers of tests fail so")]
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use cobscope_decoder::profile::device::ProfileFile;
+use cobscope_decoder::profile::device_file::{self, DeviceFile};
+use cobscope_decoder::profile::{Device, NothingKnown, PdoName, Resolver, check, imported, plain_device};
+use cobscope_decoder::wire::canopen::ObjectAddress;
+
+use crate::support::{corpus, skip, workspace};
+
+fn files_in(folder: PathBuf) -> Vec<(String, Arc<DeviceFile>)> {
+    let mut paths: Vec<PathBuf> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    paths.retain(|path| path.extension().is_some_and(|extension| extension != "txt" && extension != "md"));
+    paths.sort();
+    let read = |path: PathBuf| {
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        let file =
+            device_file::parse(&fs::read(&path).unwrap()).unwrap_or_else(|error| panic!("{name}: {error}"));
+        (name, Arc::new(file))
+    };
+    paths.into_iter().map(read).collect()
+}
+
+fn fixtures() -> Vec<(String, Arc<DeviceFile>)> {
+    files_in(workspace().join("fixtures/device_files"))
+}
+
+/// The profile of a file, read again; it must be without mistakes.
+fn profile(file: &Arc<DeviceFile>, name: &str) -> (String, ProfileFile, Device) {
+    let text = imported::toml(file, name);
+    let shown = |errors: Vec<String>| panic!("{name}:\n{}\n{text}", errors.join("\n"));
+    let parsed = ProfileFile::parse(&text)
+        .unwrap_or_else(|errors| shown(errors.iter().map(|error| error.show(name)).collect()));
+    let device = parsed.device(None, &[Arc::clone(plain_device())]);
+    let wrong = check(&text, &parsed, &device);
+    if !wrong.is_empty() {
+        shown(wrong.iter().map(|error| error.show(name)).collect());
+    }
+    (text, parsed, device)
+}
+
+/// What a device says of an entry.
+fn entry(device: &Device, object: ObjectAddress) -> String {
+    let found = device.dictionary.find(object).unwrap();
+    let meaning = Resolver::for_node(&device.dictionary, &NothingKnown, 5).meaning(object).unwrap();
+    let entry = found.entry.unwrap();
+    format!("{meaning:?} {:?} {:?} {:?} {:?}", entry.access, entry.default, entry.effect, entry.note)
+}
+
+fn compare(name: &str, file: &Arc<DeviceFile>) -> usize {
+    let device = imported::device(file, name);
+    let (text, _, again) = profile(file, name);
+    assert_eq!(
+        (&device.id, &device.title, &device.vendor),
+        (&again.id, &again.title, &again.vendor),
+        "{name}"
+    );
+    let identity = |device: &Device| device.identities.first().map(|it| (it.vendor_id, it.product_code));
+    assert_eq!(identity(&device), identity(&again), "{name}");
+    assert_eq!(device.object_count(), file.objects.len(), "{name}");
+    assert_eq!(again.object_count(), file.objects.len(), "{name}\n{text}");
+    for object in &file.objects {
+        assert_eq!(
+            entry(&device, object.address),
+            entry(&again, object.address),
+            "{name}: {}",
+            object.address
+        );
+    }
+    again.pdos.len()
+}
+
+#[test]
+fn a_device_and_the_profile_of_its_file_are_alike() {
+    for (name, file) in fixtures() {
+        compare(&name, &file);
+    }
+}
+
+#[test]
+fn so_they_are_for_all_of_the_corpus() {
+    let folder = corpus().join("eds");
+    if !folder.exists() {
+        return skip("corpus", &format!("{} is not there", folder.display()));
+    }
+    let files = files_in(folder);
+    assert_eq!(files.len(), 63);
+    let pdos: BTreeMap<_, _> =
+        files.iter().map(|(name, file)| (name.as_str(), compare(name, file))).collect();
+}
