@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use cobscope_decoder::profile::device::ProfileFile;
 use cobscope_decoder::profile::device_file::{self, DeviceFile};
-use cobscope_decoder::profile::{Device, NothingKnown, PdoName, Resolver, check, imported, plain_device};
+use cobscope_decoder::profile::{Device, NothingKnown, Resolver, check, imported, plain_device};
 use cobscope_decoder::wire::canopen::ObjectAddress;
 
 use crate::support::{corpus, skip, workspace};
@@ -92,6 +92,16 @@ fn so_they_are_for_all_of_the_corpus() {
     }
     let files = files_in(folder);
     assert_eq!(files.len(), 63);
+    // Read in the files: PDOs whose mapping is given in full and names objects of the file.
+    let known = [
+        ("kacanopen__605.3150.51-V-EK-2-60.eds", 6),
+        ("kacanopen__IoX3_24DO.eds", 1),
+        ("canopen__sample.eds", 0),
+        ("lely-core__cocatd.dcf", 3),
+    ];
     let pdos: BTreeMap<_, _> =
         files.iter().map(|(name, file)| (name.as_str(), compare(name, file))).collect();
+    for (name, count) in known {
+        assert_eq!(pdos[name], count, "{name}");
+    }
 }

@@ -32,6 +32,16 @@ enum Content {
     Broken(ProfileError),
 }
 
+impl UserProfile {
+    fn is_profile(&self) -> bool {
+        !self.is_device_file()
+    }
+
+    fn is_device_file(&self) -> bool {
+        matches!(&self.content, Content::Device(device) if device.is_file_alone())
+    }
+}
+
 /// Why there is no such profile.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ProfileError {
@@ -148,6 +158,12 @@ impl Catalogue {
         });
     }
 
+    /// Whether a profile of this id is a device file's.
+    pub fn is_device_file(&self, id: &str) -> bool {
+        let user = self.user.iter().rev().find(|user| user.id == id);
+        user.is_some_and(UserProfile::is_device_file)
+    }
+
     /// Whether the user brought a profile of this id, and from where.
     pub fn brought(&self, id: &str) -> Option<&str> {
         self.user.iter().rev().find(|user| user.id == id).map(|user| user.origin.as_str())
@@ -221,24 +237,39 @@ impl Catalogue {
         ProfileError::Unknown { id: id.to_owned(), closest }
     }
 
-    /// Assignments that fit what a node said of itself; more than one is ambiguous.
+    /// Assignments that fit what a node said of itself; more than one is ambiguous. Device files count
+    /// only where no profile fits.
     pub fn identify(&self, node: &Introduction) -> Vec<String> {
-        let user = self.user.iter().map(|user| (user.id.clone(), user.identities.clone()));
-        let own = bundled_identities().iter().filter(|(id, _)| self.brought(id).is_none()).cloned();
-        let mut all: Vec<String> = Vec::new();
-        for (id, identities) in user.chain(own) {
-            for identity in identities.iter().filter(|identity| identity.fits(node)) {
-                let assignment = match &identity.variant {
-                    Some(variant) => format!("{id}:{variant}"),
-                    None => id.clone(),
-                };
-                if !all.contains(&assignment) {
-                    all.push(assignment);
-                }
+        let own = bundled_identities().iter().filter(|(id, _)| self.brought(id).is_none());
+        let own = own.map(|(id, identities)| (id.as_str(), identities.as_slice()));
+        let profiles = fitting(self.users(UserProfile::is_profile).chain(own), node);
+        if profiles.is_empty() { fitting(self.users(UserProfile::is_device_file), node) } else { profiles }
+    }
+
+    fn users(&self, counts: fn(&UserProfile) -> bool) -> impl Iterator<Item = (&str, &[Identity])> {
+        let user = self.user.iter().filter(move |user| counts(user));
+        user.map(|user| (user.id.as_str(), user.identities.as_slice()))
+    }
+}
+
+/// Assignments of the profiles whose identity fits.
+fn fitting<'a>(
+    profiles: impl Iterator<Item = (&'a str, &'a [Identity])>,
+    node: &Introduction,
+) -> Vec<String> {
+    let mut all: Vec<String> = Vec::new();
+    for (id, identities) in profiles {
+        for identity in identities.iter().filter(|identity| identity.fits(node)) {
+            let assignment = match &identity.variant {
+                Some(variant) => format!("{id}:{variant}"),
+                None => id.to_owned(),
+            };
+            if !all.contains(&assignment) {
+                all.push(assignment);
             }
         }
-        all
     }
+    all
 }
 
 /// Path and text of the profiles of this program.

@@ -12,6 +12,7 @@
 
 mod code;
 mod eds;
+mod encode;
 mod ini;
 mod number;
 mod object;

@@ -42,8 +42,8 @@ pub fn device(file: &Arc<DeviceFile>, name: &str) -> Device {
     device.id = id(file, name);
     device.full_id.clone_from(&device.id);
     device.title = title(file, name);
-    device.vendor.clone_from(&file.vendor_name);
-    name.clone_into(&mut device.source);
+    device.vendor = printable(&file.vendor_name);
+    device.source = printable(name);
     device.identities = identity(file).into_iter().collect();
     let objects = objects::objects(file, &standard.dictionary, |_| true).list;
     device.dictionary.layers.insert(0, Arc::new(objects));
@@ -132,7 +132,17 @@ pub fn id_of_name(name: &str) -> String {
 
 fn title(file: &DeviceFile, name: &str) -> String {
     let product = file.product_name.trim();
-    if product.is_empty() { id_of_name(name) } else { product.to_owned() }
+    if product.is_empty() { id_of_name(name) } else { printable(product) }
+}
+
+/// Text without characters that steer a terminal or reorder text.
+fn printable(text: &str) -> String {
+    text.chars().map(|c| if steers(c) { char::REPLACEMENT_CHARACTER } else { c }).collect()
+}
+
+/// Control characters, and the marks that reorder text (Unicode's bidirectional formatting).
+fn steers(c: char) -> bool {
+    c.is_control() || matches!(c, '\u{200E}' | '\u{200F}' | '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}')
 }
 
 /// Letters and digits of ASCII in small letters, a hyphen for all between.

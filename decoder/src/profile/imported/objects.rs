@@ -1,5 +1,6 @@
 //! Entries of a device file to objects of a dictionary.
 
+use super::printable;
 use crate::profile::DataType;
 use crate::profile::device_file::{self, DeviceFile, DeviceObject, Problem};
 use crate::profile::dictionary::{Dictionary, Entry, Object};
@@ -45,9 +46,9 @@ fn object_name(object: &DeviceObject, standards: &Dictionary) -> String {
     }
 }
 
-/// A name in which nothing stands for the number of a repeat.
+/// A name in which nothing stands for the number of a repeat, and nothing steers a terminal.
 fn unnumbered(name: &str) -> String {
-    name.replace("{n}", "(n)")
+    printable(name).replace("{n}", "(n)")
 }
 
 impl Objects {
@@ -59,7 +60,7 @@ impl Objects {
         });
         let mut entry = same.and_then(|found| found.alone()).unwrap_or_else(|| plain(object));
         entry.access = object.access.map(access).or(entry.access);
-        entry.note = object.denotation.clone().unwrap_or_default();
+        entry.note = object.denotation.as_deref().map(printable).unwrap_or_default();
         let Some(data_type) = entry.data_type else { return entry };
         if let Some(given) = &object.default {
             entry.default = default(given, data_type);

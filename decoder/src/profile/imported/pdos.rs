@@ -72,21 +72,21 @@ fn fields(name: PdoName, dictionary: &Dictionary) -> Result<Vec<(Option<ObjectAd
 
 #[cfg(test)]
 mod tests {
+    use std::fmt::Write as _;
     use std::sync::Arc;
 
     use super::*;
     use crate::profile::device_file;
 
     fn of(mapping: &[&str]) -> (Vec<Pdo>, Vec<String>) {
-        let mut text =
+        let mut text = format!(
             "[6041]\nParameterName=s\nDataType=6\nAccessType=ro\n[1A02]\nParameterName=m\nObjectType=9\n\
-            [1A02sub0]\nParameterName=n\nDataType=5\nAccessType=rw\nDefaultValue="
-                .to_owned();
-        text += &mapping.len().to_string();
+             [1A02sub0]\nParameterName=n\nDataType=5\nAccessType=rw\nDefaultValue={}",
+            mapping.len()
+        );
         for (sub, entry) in (1..).zip(mapping) {
-            text += &format!(
-                "\n[1A02sub{sub}]\nParameterName=e\nDataType=7\nAccessType=rw\nDefaultValue={entry}"
-            );
+            let keys = "ParameterName=e\nDataType=7\nAccessType=rw";
+            write!(text, "\n[1A02sub{sub}]\n{keys}\nDefaultValue={entry}").unwrap();
         }
         let file = Arc::new(device_file::parse(text.as_bytes()).unwrap());
         let device = super::super::device(&file, "x.eds");

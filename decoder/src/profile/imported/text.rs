@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-use super::{pdos, repeat};
+use super::{pdos, repeat, steers};
 use crate::profile::Device;
 use crate::profile::device_file::{DeviceFile, Problem};
 use crate::profile::dictionary::{Entry, Object};
@@ -154,9 +154,7 @@ fn quoted(text: &str) -> String {
 fn escaped(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {
-        let reorders =
-            matches!(c, '\u{200E}' | '\u{200F}' | '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}');
-        if c.is_control() || reorders {
+        if steers(c) {
             let _ = write!(escaped, "\\u{:04X}", u32::from(c));
         } else {
             escaped.push(c);
