@@ -249,7 +249,7 @@ mod tests {
     #[test]
     fn errors_have_a_place_and_a_caret() {
         let error = BusFile::parse("[node.5]\nnmae = \"pump\"\n").unwrap_err();
-        let expected = "b.toml:2:1: unknown field `nmae`, expected one of `name`, `object`, `device`, `eds`, `unit`, `tx_area`, `rx_area`\n  2 | nmae = \"pump\"\n    | ^^^^";
+        let expected = "b.toml:2:1: unknown field `nmae`, expected one of `name`, `object`, `device`, `dcf`, `eds`, `unit`, `tx_area`, `rx_area`\n  2 | nmae = \"pump\"\n    | ^^^^";
         assert_eq!(error.show("b.toml"), expected);
         let error = BusFile::parse("[[id]]\nid = 0x1A0\nservice = \"tpd1\"\n").unwrap_err();
         let shown = error.show("b.toml");

@@ -205,7 +205,8 @@ fn words_and_procedures() -> Vec<EventKind> {
     let conflict = Conflict {
         object,
         name: "Status word".into(),
-        sources: vec![("eds".into(), vec![1]), ("wire".into(), vec![2])],
+        sources: vec![("eds".into(), vec![1]), ("upload".into(), vec![2])],
+        text: "the file is of another device".into(),
     };
     let identified = NodeIdentified { device: "acme-pump".into(), title: "PUMP".into(), by: "identity" };
     vec![

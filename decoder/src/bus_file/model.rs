@@ -54,7 +54,7 @@ struct Node {
     object: Vec<Object>,
     #[serde(default)]
     device: Option<String>,
-    #[serde(default)]
+    #[serde(default, alias = "dcf")]
     eds: Option<String>,
     #[serde(default)]
     unit: BTreeMap<Spanned<String>, String>,

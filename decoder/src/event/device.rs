@@ -211,4 +211,6 @@ pub struct Conflict {
     pub name: String,
     /// Who says what: source and bytes.
     pub sources: Vec<(Arc<str>, Vec<u8>)>,
+    /// What it comes to.
+    pub text: String,
 }

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::Bus;
 use super::SessionOptions;
+use super::device::given_devices;
 use super::routes::Service;
 use super::store::{Origin, OriginKind};
 use crate::bus_file::{AreaEntry, ObjectValue, encode};
@@ -33,10 +34,8 @@ impl Bus {
             };
             self.routes.give(*id, service);
         }
-        for assignment in &options.assignments {
-            if assignment.bus.as_deref().is_none_or(|bus| bus == &*name) {
-                self.assign(assignment.node, &assignment.device, assignment.by);
-            }
+        for (node, device, by) in given_devices(&options.assignments, &name) {
+            self.assign(node, &device, by);
         }
         for (id, address, value) in options.bus_file.objects(&name) {
             self.give_object(*id, *address, value);

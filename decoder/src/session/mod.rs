@@ -47,6 +47,8 @@ pub const EXTENDED_ID_LIMIT: usize = 4096;
 pub const OBJECT_LIMIT: usize = 4096;
 /// Bytes of all values of a node in the store: 127 nodes stay within 8 MiB.
 pub const OBJECT_BYTES_LIMIT: usize = 64 * 1024;
+/// Contradictions to its device file that are told of a node.
+pub const CONFLICT_LIMIT: usize = 256;
 /// Bytes of one object's value in the store.
 pub const OBJECT_VALUE_LIMIT: usize = 1024;
 

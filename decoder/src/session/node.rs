@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::ACTIVE_ERROR_LIMIT;
-use super::device::{Behaviour, Restart};
+use super::device::{Behaviour, Conflicts, Restart};
 use super::store::Store;
 use crate::event::{Certainty, StateCause};
 use crate::frame::{CanId, Timestamp};
@@ -121,6 +121,10 @@ pub struct Node {
     pub(super) introduction: Option<Arc<Introduction>>,
     /// Several devices fit, and that was said.
     pub(super) ambiguous: bool,
+    /// Identifiers it has because its device is delivered with them.
+    pub(super) delivered_ids: Vec<CanId>,
+    /// What contradicted the file of its device.
+    pub(super) conflicts: Conflicts,
 }
 
 /// Byte order of EMCY codes that the codes themselves told.
@@ -182,6 +186,8 @@ impl Node {
             behaviour: Behaviour::default(),
             introduction: None,
             ambiguous: false,
+            delivered_ids: Vec::new(),
+            conflicts: Conflicts::default(),
         }
     }
 
@@ -252,7 +258,12 @@ impl Node {
 
     /// What an object means now.
     pub fn meaning(&self, object: ObjectAddress) -> Option<Meaning> {
-        Resolver::new(&self.device.dictionary, &*self.store).meaning(object)
+        self.resolver().meaning(object)
+    }
+
+    /// What its objects mean, and the numbers they hold.
+    pub(super) fn resolver(&self) -> Resolver<'_> {
+        Resolver::for_node(&self.device.dictionary, &*self.store, self.id)
     }
 
     /// Sets `attention` from the rest.
@@ -279,6 +290,10 @@ impl Node {
 
     /// Bytes held, the store apart.
     pub(super) fn footprint(&self) -> usize {
-        size_of::<Self>() + self.active_errors.capacity() * 2 + self.behaviour.footprint()
+        size_of::<Self>()
+            + self.active_errors.capacity() * 2
+            + self.behaviour.footprint()
+            + self.delivered_ids.capacity() * size_of::<CanId>()
+            + self.conflicts.footprint()
     }
 }

@@ -9,7 +9,7 @@ use super::EXTENDED_ID_LIMIT;
 use super::device::Planned;
 use crate::event::{Event, EventKind, Pdo};
 use crate::frame::CanId;
-use crate::profile::{Owner, PdoName, connection_set};
+use crate::profile::{Layout, Owner, PdoName, connection_set};
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
 
@@ -184,9 +184,27 @@ impl Routes {
         self.learnt.iter().find(|(_, learnt)| **learnt == service).map(|(id, _)| *id)
     }
 
+    /// What an identifier was learnt to be.
+    pub(super) fn learnt_at(&self, id: CanId) -> Option<Service> {
+        self.learnt.get(&id).copied()
+    }
+
+    /// Whether an identifier was learnt or given for a service.
+    pub(super) fn is_placed(&self, service: Service) -> bool {
+        self.given.values().chain(self.learnt.values()).any(|placed| *placed == service)
+    }
+
     /// Everything learnt, for moving it.
     pub(super) fn learnt(&self) -> Vec<(CanId, Service)> {
         self.learnt.iter().map(|(id, service)| (*id, *service)).collect()
+    }
+
+    /// The PDOs that were seen, with their layouts.
+    pub(super) fn layouts(&self) -> impl Iterator<Item = (Service, &Layout)> {
+        self.slots.iter().filter_map(|slot| match &slot.pdo.as_deref()?.kind {
+            EventKind::Pdo(pdo) => Some((slot.service, pdo.layout.as_deref()?)),
+            _ => None,
+        })
     }
 
     /// Drops the prepared events of a PDO, so that its next one has the present layout.

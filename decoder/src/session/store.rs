@@ -1,6 +1,7 @@
 //! The object store of one node: what is known of its objects, and from where.
 
 use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
 
 use foldhash::fast::FixedState;
 
@@ -20,6 +21,8 @@ pub enum OriginKind {
     BusFile,
     /// Sent in a PDO; a sample.
     Pdo,
+    /// What a DCF or XDC says the device is configured to.
+    DeviceFile,
 }
 
 impl OriginKind {
@@ -30,6 +33,7 @@ impl OriginKind {
             Self::Upload => "upload",
             Self::Pdo => "pdo",
             Self::BusFile => "bus-file",
+            Self::DeviceFile => "dcf",
         }
     }
 }
@@ -42,6 +46,7 @@ impl OriginKind {
             Self::Upload => "read",
             Self::Pdo => "sent",
             Self::BusFile => "given",
+            Self::DeviceFile => "wanted",
         }
     }
 }
@@ -81,6 +86,8 @@ pub struct Store {
     waiting: BTreeMap<ObjectAddress, Waiting>,
     /// Values known to be in non-volatile memory.
     kept: BTreeMap<ObjectAddress, Vec<u8>>,
+    /// Values a device file wants: they hold until a message tells another, and are never sure.
+    wanted: Arc<BTreeMap<ObjectAddress, Entry>>,
 }
 
 /// A value that takes effect later.
@@ -191,8 +198,27 @@ impl Store {
         doubted
     }
 
-    /// The value at an address.
+    /// What a device file wants, instead of what one wanted before.
+    pub(super) fn want(&mut self, values: impl Iterator<Item = (ObjectAddress, Vec<u8>)>) {
+        const ORIGIN: Origin = Origin { kind: OriginKind::DeviceFile, frame: 0, time: None };
+        let entry = |(address, value): (ObjectAddress, Vec<u8>)| {
+            (address, Entry { size: value.len() as u64, value, origin: ORIGIN, stale: true })
+        };
+        self.wanted = Arc::new(values.map(entry).collect());
+    }
+
+    /// Addresses of what a device file wants.
+    pub(super) fn all_wanted(&self) -> Vec<ObjectAddress> {
+        self.wanted.keys().copied().collect()
+    }
+
+    /// The value at an address: seen or given, else wanted by a device file.
     pub fn get(&self, address: ObjectAddress) -> Option<&Entry> {
+        self.seen(address).or_else(|| self.wanted.get(&address))
+    }
+
+    /// The value at an address that was seen or given.
+    pub fn seen(&self, address: ObjectAddress) -> Option<&Entry> {
         self.entries.get(&address)
     }
 
@@ -228,19 +254,22 @@ impl Store {
 
     /// All objects in order of their address.
     pub fn sorted(&self) -> Vec<(ObjectAddress, &Entry)> {
-        let mut all: Vec<_> = self.entries.iter().map(|(address, entry)| (*address, entry)).collect();
+        let wanted = self.wanted.iter().filter(|(address, _)| !self.entries.contains_key(address));
+        let mut all: Vec<_> =
+            self.entries.iter().chain(wanted).map(|(address, entry)| (*address, entry)).collect();
         all.sort_unstable_by_key(|(address, _)| *address);
         all
     }
 
     /// Number of objects.
     pub fn len(&self) -> usize {
-        self.entries.len()
+        let wanted = self.wanted.keys().filter(|address| !self.entries.contains_key(address));
+        self.entries.len() + wanted.count()
     }
 
     /// Whether nothing is known.
     pub fn is_empty(&self) -> bool {
-        self.entries.is_empty()
+        self.entries.is_empty() && self.wanted.is_empty()
     }
 }
 
@@ -262,6 +291,22 @@ mod tests {
         assert_eq!(store.number(address), Some(1000));
         let before = store.set(address, &[0, 0], ORIGIN).unwrap().unwrap();
         assert_eq!(before.value, [0xE8, 3]);
+    }
+
+    #[test]
+    fn what_a_file_wants_stands_behind_what_was_seen() {
+        let mut store = Store::default();
+        let [first, second] = [ObjectAddress::new(0x1017, 0), ObjectAddress::new(0x2000, 0)];
+        store.want([(first, vec![1, 0]), (second, vec![2])].into_iter());
+        assert_eq!((store.number(first), store.len(), store.seen(first)), (Some(1), 2, None));
+        assert!(store.get(first).unwrap().stale);
+        // It is no value that was there before.
+        assert_eq!(store.set(first, &[5, 0], ORIGIN), Ok(None));
+        assert_eq!((store.number(first), store.len()), (Some(5), 2));
+        let origins: Vec<_> = store.sorted().iter().map(|(_, entry)| entry.origin.kind.name()).collect();
+        assert_eq!(origins, ["download", "dcf"]);
+        store.remove(first);
+        assert_eq!(store.number(first), Some(1));
     }
 
     #[test]

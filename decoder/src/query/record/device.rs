@@ -144,4 +144,5 @@ fn conflict(conflict: &Conflict, fields: &mut dyn Fields) {
         fields.close();
     }
     fields.close_list();
+    fields.field("text", FieldValue::Text(&conflict.text));
 }

@@ -18,7 +18,7 @@ const LAST_DUMMY: u16 = 0x1F;
 /// A device that says its PDOs never change is believed; else what the bus showed counts, then the bus
 /// file, then what the device's profile or EDS gives as delivered.
 pub(in crate::session) fn layout(node: &Node, name: PdoName) -> Option<Layout> {
-    let mut resolver = Resolver::new(&node.device().dictionary, node.store());
+    let mut resolver = node.resolver();
     let (spec, assumed) = match spec(node, name, &mut resolver) {
         Some((spec, assumed)) => (Some(spec), assumed),
         None => (None, false),
@@ -101,10 +101,11 @@ fn mapped(node: &Node, name: PdoName, resolver: &mut Resolver<'_>) -> Option<Lay
 
 /// Who said how many entries there are.
 fn origin(node: &Node, mapping: u16) -> &'static str {
-    match node.store().get(ObjectAddress::new(mapping, 0)).map(|entry| entry.origin.kind) {
-        Some(OriginKind::BusFile) => "bus-file",
+    let count = ObjectAddress::new(mapping, 0);
+    match node.store().get(count).map(|entry| entry.origin.kind) {
+        Some(kind @ (OriginKind::BusFile | OriginKind::DeviceFile)) => kind.name(),
         Some(_) => "wire",
-        None => "profile",
+        None => node.device().default_origin(count),
     }
 }
 

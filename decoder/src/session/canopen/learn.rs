@@ -54,7 +54,8 @@ impl Bus {
         }
     }
 
-    fn default_service(&mut self, id: CanId) -> Service {
+    /// What an identifier is where nothing was learnt of it.
+    pub(in crate::session) fn default_service(&mut self, id: CanId) -> Service {
         let CanId::Standard(id) = id else { return Service::Unclassified };
         let owner = crate::profile::connection_set().owner(id);
         self.service_of(owner)

@@ -1,12 +1,13 @@
 //! Which device a node is: by the user's word, or by what it says of itself.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::event::{EventKind, NodeIdentified};
-use crate::frame::{CanId, Frame};
-use crate::profile::{Device, Introduction, PdoName};
-use crate::session::routes::Service;
-use crate::session::{AssignedBy, Bus, Observer};
+use crate::frame::Frame;
+use crate::profile::imported::Import;
+use crate::profile::{Device, Introduction, little_endian};
+use crate::session::{AssignedBy, Assignment, Bus, Node, Observer};
 use crate::wire::canopen::ObjectAddress;
 
 /// Objects that introduce a node (CiA 301 §7.5.2.1, §7.5.2.8, §7.5.2.19).
@@ -24,23 +25,8 @@ impl Bus {
         let Some(node) = self.node_mut(id) else { return };
         node.device = Arc::clone(device);
         node.assigned = Some(by);
-        for pdo in &device.pdos {
-            if let Some(cob_id) = pdo.cob_id.as_deref().and_then(|text| formula(text, id)) {
-                self.route_default(pdo.pdo, id, cob_id);
-            }
-        }
+        self.take_delivered(id, by);
         self.routes.refresh_pdos_of(id);
-    }
-
-    /// An identifier that is not the predefined one, unless the bus or the user said otherwise.
-    fn route_default(&mut self, name: PdoName, id: u8, cob_id: u32) {
-        const INVALID: u32 = 1 << 31;
-        let service = Service::Pdo(name, id);
-        if cob_id & INVALID == 0 && self.routes.learnt_id(service).is_none() {
-            let can_id = u16::try_from(cob_id).ok().filter(|id| *id <= 0x7FF);
-            let can_id = can_id.map_or(CanId::extended(cob_id & 0x1FFF_FFFF), CanId::standard);
-            self.routes.learn(can_id, service);
-        }
     }
 
     /// An object was learnt that may tell what a node is whose device nobody named.
@@ -54,16 +40,21 @@ impl Bus {
         if !INTRODUCING.contains(&object) {
             return;
         }
-        let Some(node) = self.node(id).filter(|node| node.assigned.is_none()) else { return };
-        let number =
-            |object: ObjectAddress| node.store().number(object).and_then(|number| u32::try_from(number).ok());
+        // Beside a device file, which knows no more than objects, a profile is welcome.
+        let is_open = |node: &&Node| node.assigned.is_none() || node.device.is_file_alone();
+        let Some(node) = self.node(id).filter(is_open) else { return };
+        let seen = |object| node.store().seen(object).map(|entry| entry.value.as_slice());
+        let number = |object| {
+            let value = seen(object).filter(|value| !value.is_empty())?;
+            u32::try_from(little_endian(value)).ok().filter(|_| value.len() <= 8)
+        };
         let introduction = Introduction {
             vendor_id: number(ObjectAddress::new(0x1018, 1)),
             product_code: number(ObjectAddress::new(0x1018, 2)),
             revision: number(ObjectAddress::new(0x1018, 3)),
             device_type: number(ObjectAddress::new(0x1000, 0)),
-            device_name: node.store().get(ObjectAddress::new(0x1008, 0)).map(|entry| {
-                let characters = entry.value.iter().take_while(|byte| **byte != 0);
+            device_name: seen(ObjectAddress::new(0x1008, 0)).map(|value| {
+                let characters = value.iter().take_while(|byte| **byte != 0);
                 characters.map(|byte| char::from(*byte)).collect()
             }),
         };
@@ -86,11 +77,17 @@ impl Bus {
         out: &mut dyn Observer,
     ) {
         let options = Arc::clone(&self.options);
-        let candidates = options.catalogue.identify(introduction);
+        let file = self.node(id).and_then(|node| node.device.file.clone());
+        let mut candidates = options.catalogue.identify(introduction);
+        if file.is_some() {
+            candidates.retain(|candidate| !options.catalogue.is_device_file(candidate));
+        }
         let device = match candidates.as_slice() {
             [] => return,
             [one] => match options.catalogue.device(one) {
-                Ok(device) => device,
+                Ok(device) => {
+                    file.map_or(Arc::clone(&device), |import| Arc::new(device.filled(&import.file)))
+                }
                 Err(error) => return self.note(frame, error.to_string(), out),
             },
             several => {
@@ -117,34 +114,68 @@ impl Bus {
     }
 }
 
-/// `$NODEID+0x180`, `0x180+$NODEID`, `0x1A0`, with spaces, in any case.
-pub(in crate::session) fn formula(text: &str, node: u8) -> Option<u32> {
-    let mut sum: u32 = 0;
-    for part in text.split('+').map(str::trim) {
-        let number = if part.eq_ignore_ascii_case("$NODEID") {
-            u32::from(node)
-        } else {
-            match part.strip_prefix("0x").or_else(|| part.strip_prefix("0X")) {
-                Some(digits) => u32::from_str_radix(digits, 16).ok()?,
-                None => part.parse().ok()?,
+/// What the user says the nodes of a bus are. Of two profiles of a node the last counts, of two device files
+/// too; a device file fills in what a profile leaves out.
+pub(in crate::session) fn given_devices(
+    assignments: &[Assignment],
+    bus: &str,
+) -> Vec<(u8, Arc<Device>, AssignedBy)> {
+    let mut nodes: BTreeMap<u8, (Option<&Assignment>, Option<&Import>)> = BTreeMap::new();
+    for assignment in assignments.iter().filter(|it| it.bus.as_deref().is_none_or(|name| name == bus)) {
+        let (device, file) = nodes.entry(assignment.node).or_default();
+        match assignment.device.file.as_ref().filter(|_| assignment.device.is_file_alone()) {
+            Some(import) => {
+                *file = Some(import);
+                if device.is_none_or(|device| device.device.is_file_alone()) {
+                    *device = Some(assignment);
+                }
             }
-        };
-        sum = sum.checked_add(number)?;
+            None => *device = Some(assignment),
+        }
     }
-    Some(sum)
+    let given = |(node, (assignment, file)): (u8, (Option<&Assignment>, Option<&Import>))| {
+        let assignment = assignment?;
+        let device = match file {
+            Some(import) if !assignment.device.is_file_alone() => {
+                Arc::new(assignment.device.filled(&import.file))
+            }
+            _ => Arc::clone(&assignment.device),
+        };
+        Some((node, device, assignment.by))
+    };
+    nodes.into_iter().filter_map(given).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::profile::{Catalogue, device_file, imported};
+
+    fn of(bus: Option<&str>, device: &Arc<Device>, by: AssignedBy) -> Assignment {
+        Assignment { bus: bus.map(Into::into), node: 5, device: Arc::clone(device), by }
+    }
 
     #[test]
-    fn formulas_of_identifiers() {
-        assert_eq!(formula("$NODEID+0x180", 5), Some(0x185));
-        assert_eq!(formula("0x180 + $nodeid", 5), Some(0x185));
-        assert_eq!(formula("0x1A0", 5), Some(0x1A0));
-        assert_eq!(formula("384", 5), Some(0x180));
-        assert_eq!(formula("$NODE+1", 5), None);
-        assert_eq!(formula("", 5), None);
+    fn a_profile_goes_before_a_device_file_which_fills_the_rest() {
+        let profile = Catalogue::default().device("rexroth-sydfec").unwrap();
+        let file = |product: &str| {
+            let text = format!(
+                "[DeviceInfo]\nVendorName=A\nProductName={product}\n[2FFF]\nParameterName=Extra\nDataType=5"
+            );
+            let file = Arc::new(device_file::parse(text.as_bytes()).unwrap());
+            Arc::new(imported::device(&file, "a.eds"))
+        };
+        let (first, second) = (file("b"), file("c"));
+        let given = |assignments: &[Assignment], bus| {
+            let given = given_devices(assignments, bus);
+            let [(5, device, by)] = &given[..] else { panic!("{given:?}") };
+            let knows = device.dictionary.find(ObjectAddress::new(0x2FFF, 0)).is_some();
+            (device.id.clone(), by.name(), knows)
+        };
+        let files = [of(None, &first, AssignedBy::DeviceFile), of(None, &second, AssignedBy::DeviceFile)];
+        assert_eq!(given(&files, "can0"), ("a-c".into(), "device-file", true));
+        let both = [of(Some("can0"), &profile, AssignedBy::Option), files[0].clone()];
+        assert_eq!(given(&both, "can0"), ("rexroth-sydfec".into(), "option", true));
+        assert_eq!(given(&both, "can1"), ("a-b".into(), "device-file", true));
     }
 }

@@ -5,7 +5,7 @@ use crate::event::{BitsChanged, EventKind, ModeChange};
 use crate::frame::Frame;
 use crate::profile::device::Machine;
 use crate::profile::object::BitName;
-use crate::profile::{Device, PdoDirection, PdoName, Resolver, Role};
+use crate::profile::{Device, PdoDirection, PdoName, Role};
 use crate::session::{Bus, Observer};
 use crate::wire::canopen::ObjectAddress;
 
@@ -72,7 +72,7 @@ impl Bus {
         if !layout.depends.contains(&mode) {
             return String::new();
         }
-        let mut resolver = Resolver::new(&node.device.dictionary, node.store());
+        let mut resolver = node.resolver();
         let words = layout.fields.iter().filter_map(|field| {
             let meaning = resolver.meaning(field.object).filter(|it| it.role == Some(Role::SetPoint))?;
             let unit = if meaning.unit.is_empty() { "raw" } else { &meaning.unit };

@@ -57,6 +57,7 @@ impl Bus {
         if let Some(from) = from {
             let staying = self.staying(from);
             self.move_node(from, to);
+            self.move_delivered(to);
             for (name, id) in staying {
                 self.routes.learn(id, Service::Pdo(name, to));
             }

@@ -3,6 +3,8 @@
 mod assign;
 mod behaviour;
 mod bits;
+mod conflict;
+mod delivered;
 mod gates;
 mod identity;
 mod machine;
@@ -12,7 +14,9 @@ mod restart;
 mod set_point;
 mod values;
 
+pub(super) use assign::given_devices;
 pub(super) use behaviour::Behaviour;
+pub(super) use conflict::Conflicts;
 pub use gates::{GateState, GateStatus};
 pub(super) use plan::{Plan, Planned, Recent};
 pub(super) use procedure::Announcement;

@@ -97,7 +97,7 @@ impl Bus {
         }
         let mut changes = lost;
         for (object, value) in waiting {
-            let from = store.get(object).map(|entry| entry.value.clone());
+            let from = store.seen(object).map(|entry| entry.value.clone());
             let origin = Origin { kind: OriginKind::Download, frame: frame.number, time: frame.time };
             if store.set(object, &value, origin).is_ok() && presumed {
                 store.doubt(object);
@@ -134,11 +134,12 @@ impl Bus {
             let decides = node.device.emcy.byte_order.as_ref().and_then(Order::object) == Some(object);
             node.emcy_order = node.emcy_order.filter(|_| !decides);
         }
-        let known = self.node(id).is_some_and(|node| node.store.get(object).is_some());
+        let known = self.node(id).is_some_and(|node| node.store.seen(object).is_some());
         if known {
             self.take_effect(id, object);
         } else {
             self.forget_effect(id, object);
+            self.delivered_acts(id, object);
         }
     }
 }
@@ -147,7 +148,7 @@ impl Bus {
 fn lost(node: &Node) -> Vec<Change> {
     let mut changes = Vec::new();
     for (object, entry) in node.store.sorted() {
-        if entry.origin.kind == OriginKind::BusFile {
+        if matches!(entry.origin.kind, OriginKind::BusFile | OriginKind::DeviceFile) {
             continue;
         }
         let known = node.device.dictionary.find(object).and_then(|found| found.entry);

@@ -42,6 +42,7 @@ impl Bus {
         let learnt = Learnt { object, value, origin: Origin { kind, frame: frame.number, time: frame.time } };
         let found = device.dictionary.find(object);
         let entry = found.and_then(|found| found.entry);
+        self.contradict(id, object, value, kind, frame, out);
         match kind {
             OriginKind::Download => self.written(id, learnt, &device, found, frame, out),
             _ => self.read(id, learnt, entry, frame, out),
@@ -89,7 +90,7 @@ impl Bus {
     ) {
         let Some(node) = self.node_mut(id) else { return };
         let effect = entry.map_or(Effect::Unknown, |entry| entry.effect);
-        let from = node.store.get(learnt.object).map(|entry| entry.value.clone());
+        let from = node.store.seen(learnt.object).map(|entry| entry.value.clone());
         let waiting = Waiting { value: learnt.value.to_vec(), effect, origin: learnt.origin };
         Arc::make_mut(&mut node.store).wait(learnt.object, waiting);
         if from.as_deref() != Some(learnt.value) {

@@ -154,5 +154,6 @@ fn conflict(conflict: &Conflict) -> Said {
         .iter()
         .map(|(source, data)| format!("{source} says {}", Value::Bytes(data.clone())))
         .collect();
-    ("CONFLICT", format!("{} {}: {}", conflict.object, conflict.name, says.join(", ")), Tone::Caution)
+    let what = format!("{} {}: {}; {}", conflict.object, conflict.name, says.join(", "), conflict.text);
+    ("CONFLICT", what, Tone::Caution)
 }

@@ -1,0 +1,168 @@
+//! What the wire says against the device file of a node: another device, another type, another configuration.
+
+use std::collections::BTreeSet;
+use std::hash::BuildHasher as _;
+
+use foldhash::fast::FixedState;
+
+use crate::event::{Conflict, EventKind};
+use crate::frame::Frame;
+use crate::profile::device_file::{Access, DeviceFile, DeviceObject};
+use crate::profile::{DataType, little_endian};
+use crate::session::routes::Service;
+use crate::session::{Bus, CONFLICT_LIMIT, OBJECT_LIMIT, Observer, OriginKind};
+use crate::wire::canopen::ObjectAddress;
+
+/// Objects that say what a device is, and never change (CiA 301 §7.5.2.1, §7.5.2.21).
+const DEVICE_TYPE: ObjectAddress = ObjectAddress::new(0x1000, 0);
+const IDENTITY: u16 = 0x1018;
+
+/// Store and restore: a write is a command, a read tells what it can do.
+const COMMANDS: [u16; 2] = [0x1010, 0x1011];
+
+/// Contradictions that were told, so that each is told once.
+#[derive(Debug, Clone, Default)]
+pub(in crate::session) struct Conflicts {
+    /// Objects and hashes of their values.
+    told: BTreeSet<(ObjectAddress, u64)>,
+    /// Objects a file wants a value of that were written: they need not have it any more.
+    written: BTreeSet<ObjectAddress>,
+    is_full: bool,
+}
+
+impl Conflicts {
+    /// Bytes held.
+    pub(in crate::session) fn footprint(&self) -> usize {
+        self.told.len() * size_of::<(ObjectAddress, u64)>() + self.written.len() * size_of::<ObjectAddress>()
+    }
+}
+
+impl Bus {
+    /// Tells where a value that was read contradicts the device file of the node.
+    pub(super) fn contradict(
+        &mut self,
+        id: u8,
+        object: ObjectAddress,
+        value: &[u8],
+        kind: OriginKind,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        let Some(import) = self.node(id).and_then(|node| node.device.file.clone()) else { return };
+        let Some(described) = import.file.find(object) else { return };
+        if kind != OriginKind::Upload {
+            let is_wanted = described.value.is_some();
+            let node = self.node_mut(id).filter(|node| node.conflicts.written.len() < OBJECT_LIMIT);
+            if let Some(node) = node.filter(|_| is_wanted) {
+                node.conflicts.written.insert(object);
+            }
+            return;
+        }
+        let source = import.file.kind.name();
+        let found = wrong_size(described, value, source)
+            .or_else(|| other_device(&import.file, described, value, id))
+            .or_else(|| self.not_configured(described, value, id));
+        let Some((stated, text)) = found else { return };
+        if !self.is_new_conflict(id, object, value, frame, out) {
+            return;
+        }
+        let name = self.meaning(id, object).map(|meaning| meaning.name).unwrap_or_default();
+        let sources = [(source, stated), (kind.name(), value.to_vec())].into_iter();
+        let sources =
+            sources.filter(|(_, data)| !data.is_empty()).map(|(who, data)| (who.into(), data)).collect();
+        let conflict = Conflict { object, name, sources, text };
+        self.emit(frame, id, false, EventKind::Conflict(Box::new(conflict)), out);
+    }
+
+    /// Once an object and value, as far as they are remembered.
+    fn is_new_conflict(
+        &mut self,
+        id: u8,
+        object: ObjectAddress,
+        value: &[u8],
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) -> bool {
+        let Some(node) = self.node_mut(id) else { return false };
+        let conflicts = &mut node.conflicts;
+        if conflicts.told.len() < CONFLICT_LIMIT {
+            return conflicts.told.insert((object, FixedState::default().hash_one(value)));
+        }
+        if !std::mem::replace(&mut conflicts.is_full, true) {
+            self.emit(frame, id, false, EventKind::Evicted { what: "conflict", count: 1 }, out);
+        }
+        false
+    }
+
+    /// A value the DCF wants, that nobody wrote since, and that no PDO carries.
+    fn not_configured(&self, object: &DeviceObject, value: &[u8], id: u8) -> Option<(Vec<u8>, String)> {
+        let wanted = object.wanted(id)?;
+        let node = self.node(id)?;
+        let is_constant = matches!(object.access, Some(Access::Ro | Access::Const));
+        let is_said = is_constant
+            || COMMANDS.contains(&object.address.index)
+            || node.conflicts.written.contains(&object.address)
+            || same(&wanted, value, object.data_type)
+            || self.is_in_pdo(id, object.address);
+        (!is_said).then(|| (wanted, "the node is not configured so".to_owned()))
+    }
+
+    /// Whether a PDO of the node that was seen carries an object.
+    fn is_in_pdo(&self, id: u8, object: ObjectAddress) -> bool {
+        self.routes.layouts().any(|(service, layout)| {
+            matches!(service, Service::Pdo(_, node) if node == id)
+                && layout.fields.iter().any(|field| field.object == object)
+        })
+    }
+}
+
+/// Fewer or more bytes than the type has. An expedited transfer that does not say its size is padded by zeros.
+fn wrong_size(object: &DeviceObject, value: &[u8], source: &str) -> Option<(Vec<u8>, String)> {
+    let data_type = object.data_type?;
+    let length = usize::from(data_type.bits()?.div_ceil(8));
+    let fits =
+        value.split_at_checked(length).is_some_and(|(_, padding)| padding.iter().all(|byte| *byte == 0));
+    let bytes = |count: usize| if count == 1 { "1 byte".to_owned() } else { format!("{count} bytes") };
+    let text = format!(
+        "{} by the {source}, which has {}, but {} came",
+        data_type.name(),
+        bytes(length),
+        bytes(value.len())
+    );
+    (!fits).then_some((Vec::new(), text))
+}
+
+/// The node says that it is another device than the one of the file.
+fn other_device(
+    file: &DeviceFile,
+    object: &DeviceObject,
+    value: &[u8],
+    node: u8,
+) -> Option<(Vec<u8>, String)> {
+    let header = match (object.address.index, object.address.sub) {
+        _ if object.address == DEVICE_TYPE => None,
+        (IDENTITY, 1) => file.vendor_id,
+        (IDENTITY, 2) => file.product_code,
+        (IDENTITY, 3) => file.revision,
+        _ => return None,
+    };
+    let data_type = object.data_type?;
+    let given = [&object.value, &object.default].into_iter().flatten();
+    let stated = given.filter_map(|given| given.encode(data_type, node));
+    // Zero is what an editor leaves where nobody filled in a number.
+    let stated =
+        stated.chain(header.map(|number| number.to_le_bytes().to_vec())).find(|it| little_endian(it) != 0)?;
+    let text = match object.address.sub {
+        3 => "the file is of another revision",
+        _ => "the file is of another device",
+    };
+    (!same(&stated, value, Some(data_type))).then(|| (stated, text.to_owned()))
+}
+
+/// Whether bytes mean the same: padding does not count.
+fn same(wanted: &[u8], value: &[u8], data_type: Option<DataType>) -> bool {
+    match data_type {
+        Some(data_type) => data_type.decode(wanted) == data_type.decode(value),
+        None => wanted == value,
+    }
+}
