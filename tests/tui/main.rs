@@ -4,6 +4,7 @@
 mod bus_file;
 mod cli;
 mod docs;
+mod eds;
 mod explain;
 mod filter;
 mod objects;

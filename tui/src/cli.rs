@@ -48,12 +48,12 @@ pub enum Command {
         #[arg(long, value_name = "DIR")]
         profiles: Vec<PathBuf>,
     },
-    /// List the devices that are known, show one, check a profile
+    /// List the devices that are known, show one, check a profile, make one of a device file
     Profiles {
         /// What to do
         #[command(subcommand)]
         command: ProfilesCommand,
-        /// Folder with profiles of your own (repeatable)
+        /// Folder with profiles and device files of your own (repeatable)
         #[arg(long, value_name = "DIR", global = true)]
         profiles: Vec<PathBuf>,
     },
@@ -82,11 +82,16 @@ pub enum ProfilesCommand {
         #[arg(short, long, value_name = "FORMAT", default_value = "text")]
         format: PageFormat,
     },
-    /// Check profiles: their grammar, ranges, references, samples
+    /// Check profiles: their grammar, ranges, references, samples; of device files what cannot be read
     Check {
-        /// Profiles to check (TOML)
+        /// Profiles (TOML) and device files (EDS, DCF, XDD, XDC)
         #[arg(required = true, value_name = "FILE")]
         files: Vec<PathBuf>,
+    },
+    /// Write the profile that a device file makes to stdout
+    Import {
+        /// EDS, DCF, XDD or XDC
+        file: PathBuf,
     },
 }
 
@@ -114,7 +119,10 @@ pub struct InputArgs {
     /// What a node is: 2=rexroth-sydfec, 0x20=danfoss-pve-ci:pveo, can0:5=my-device (repeatable)
     #[arg(long, value_name = "[BUS:]ID=PROFILE")]
     pub node: Vec<NodeArg>,
-    /// Folder with profiles of your own (repeatable)
+    /// Device file of a node, EDS, DCF, XDD or XDC: 5=pump.eds, can0:5=pump.dcf (repeatable)
+    #[arg(long, value_name = "[BUS:]ID=FILE")]
+    pub eds: Vec<FileArg>,
+    /// Folder with profiles and device files of your own (repeatable)
     #[arg(long, value_name = "DIR")]
     pub profiles: Vec<PathBuf>,
     /// What the traffic is taken for
@@ -235,6 +243,9 @@ pub struct ObjectsArgs {
     /// Show them as they were then: 12.5 (seconds from the first frame), #1234 (frame), or a date and time
     #[arg(long, value_name = "TIME")]
     pub at: Option<Bound>,
+    /// Compare them with what a DCF or XDC wants of --node, else of the node of that file
+    #[arg(long, value_name = "FILE")]
+    pub want: Option<PathBuf>,
     /// Output format
     #[arg(short, long, value_name = "FORMAT", default_value = "text")]
     pub format: ReportFormat,
@@ -292,6 +303,26 @@ impl std::str::FromStr for NodeArg {
         match number {
             Some(id @ 1..=127) => Ok(Self { bus, id, profile }),
             _ => Err("expected a node-ID from 1 to 127, decimal or 0x…, as 5, 0x05 or can0:5"),
+        }
+    }
+}
+
+/// A device file of a node: `5=pump.eds`, `can0:5=pump.dcf`.
+#[derive(Debug, Clone)]
+pub struct FileArg {
+    /// The node.
+    pub node: NodeArg,
+    /// The file.
+    pub file: PathBuf,
+}
+
+impl std::str::FromStr for FileArg {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        match text.split_once('=') {
+            Some((node, file)) if !file.is_empty() => Ok(Self { node: node.parse()?, file: file.into() }),
+            _ => Err("expected a node-ID and a file, as 5=pump.eds or can0:5=pump.dcf"),
         }
     }
 }

@@ -11,6 +11,7 @@ use cobscope_decoder::profile::Catalogue;
 use cobscope_decoder::session::{AssignedBy, Assignment, ProtocolChoice, SessionOptions};
 use cobscope_decoder::sink::escape;
 
+use super::device_files;
 use crate::cli::{InputArgs, NodeArg, Protocol, StampStyle};
 
 /// Captures to read: those named, else standard input.
@@ -30,13 +31,14 @@ pub(super) fn read_options(input: &InputArgs) -> ReadOptions {
 /// What the options say of the buses.
 ///
 /// # Errors
-/// A bus file or profile that cannot be read, is broken or does not exist.
+/// A bus file, profile or device file that cannot be read, is broken or does not exist.
 pub(super) fn session_options(input: &InputArgs) -> anyhow::Result<SessionOptions> {
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     let sdo_silence = (input.sdo_timeout * 1e9) as i64;
     let bus_file = input.bus.as_deref().map(bus_file).transpose()?.unwrap_or_default();
     let mut catalogue = catalogue(&input.profiles);
-    let assignments = assignments(input, &bus_file, &mut catalogue)?;
+    let mut assignments = assignments(input, &bus_file, &mut catalogue)?;
+    assignments.extend(device_files::assignments(input, &bus_file)?);
     Ok(SessionOptions {
         protocol: match input.protocol {
             Protocol::Auto => ProtocolChoice::Auto,
@@ -101,25 +103,31 @@ fn user_folder() -> Option<PathBuf> {
 /// Adds the profiles of a folder. A broken one is said, and stops the program only where a node
 /// uses it.
 fn add_folder(catalogue: &mut Catalogue, folder: &Path) {
-    for path in profiles_in(folder) {
+    for path in files_in(folder, is_profile) {
         add_file(catalogue, &path);
+    }
+    for path in files_in(folder, device_files::is_device_file) {
+        device_files::add_to(catalogue, &path);
     }
 }
 
 /// Adds the other profiles of a folder, which one of them may extend.
 pub(super) fn add_siblings(catalogue: &mut Catalogue, folder: &Path, but: &Path) {
-    for path in profiles_in(folder).iter().filter(|path| path.as_path() != but) {
+    for path in files_in(folder, is_profile).iter().filter(|path| path.as_path() != but) {
         let text = std::fs::read_to_string(path).unwrap_or_default();
         // What is wrong with one of them matters only to a profile that extends it, which says so.
         let _ = catalogue.add_text(&path.display().to_string(), &text);
     }
 }
 
-fn profiles_in(folder: &Path) -> Vec<PathBuf> {
+fn is_profile(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension == "toml")
+}
+
+fn files_in(folder: &Path, picks: fn(&Path) -> bool) -> Vec<PathBuf> {
     let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
     let all = entries.flatten().map(|entry| entry.path());
-    let is_profile = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "toml");
-    let mut paths: Vec<PathBuf> = all.filter(is_profile).collect();
+    let mut paths: Vec<PathBuf> = all.filter(|path| picks(path)).collect();
     paths.sort();
     paths
 }

@@ -2,6 +2,7 @@
 
 mod decode;
 mod describe;
+mod device_files;
 mod explain;
 mod input;
 mod objects;
@@ -10,6 +11,7 @@ mod profile_page;
 mod profiles;
 mod shell;
 mod stats;
+mod want;
 mod why;
 
 use std::io::Write as _;

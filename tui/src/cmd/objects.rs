@@ -10,13 +10,21 @@ use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::canopen::ObjectAddress;
 use serde_json::json;
 
-use super::{Watcher, decode_capture, report};
+use super::want::Want;
+use super::{Watcher, complain, decode_capture, report};
 use crate::cli::{ObjectsArgs, ReportFormat};
 use crate::exit_code::Exit;
 use crate::select::Bound;
 
 /// Runs the command.
 pub fn run(arguments: &ObjectsArgs) -> Exit {
+    let want = match arguments.want.as_deref().map(|path| Want::new(path, arguments)).transpose() {
+        Ok(want) => want,
+        Err(error) => {
+            complain(&error);
+            return Exit::Profile;
+        }
+    };
     let several = arguments.input.captures.len() > 1;
     report(&arguments.input, |path, options, output| {
         let mut until = Until { at: arguments.at, first: None };
@@ -24,6 +32,10 @@ pub fn run(arguments: &ObjectsArgs) -> Exit {
         let name = path.display().to_string();
         if several && arguments.format == ReportFormat::Text {
             let _ = writeln!(output, "== {}", escape(&name));
+        }
+        if let Some(want) = &want {
+            want.compare(decoded.decoder.buses(), until.first, &name, output);
+            return Ok(decoded.failure);
         }
         for bus in decoded.decoder.buses() {
             tell(bus, arguments, until.first, &name, output);
@@ -86,7 +98,7 @@ fn tell(bus: &Bus, arguments: &ObjectsArgs, first: Option<Timestamp>, capture: &
 }
 
 /// `node 2/02 pump on can0`.
-fn label(bus: &Bus, node: &Node) -> String {
+pub(super) fn label(bus: &Bus, node: &Node) -> String {
     let name = node.name().map_or(String::new(), |name| format!(" {}", escape(name)));
     format!("node {0}/{0:02X}{name} on {1}", node.id(), escape(bus.name()))
 }
@@ -114,18 +126,13 @@ fn row(node: &Node, object: ObjectAddress, entry: &Entry, first: Option<Timestam
         Some((known, value)) => known.show(&value),
     };
     let stale = if entry.stale { "?" } else { "" };
-    let time = entry.origin.time.zip(first).map_or(String::new(), |(time, first)| {
-        let milliseconds = time.since(first) / 1_000_000;
-        format!(" {}.{:03} s", milliseconds / 1000, milliseconds.unsigned_abs() % 1000)
-    });
+    let place = place(entry, first);
     let shown = entry.value.get(..SHOWN_BYTES).unwrap_or(&entry.value);
     let data = Value::Bytes(shown.to_vec()).to_string();
     let more =
         if entry.size > shown.len() as u64 { format!(" … {} bytes", entry.size) } else { String::new() };
-    // What the bus file states has no frame.
-    let frame = if entry.origin.frame == 0 { String::new() } else { format!(" {{{}}}", entry.origin.frame) };
     let line = format!(
-        "{object}  {name:<50}  {:<18}  {:<7}{frame}{time}  {data}{more}{}",
+        "{object}  {name:<50}  {:<18}  {:<7}{place}  {data}{more}{}",
         format!("{value}{stale}"),
         entry.origin.kind.verb(),
         future(node, object),
@@ -151,8 +158,19 @@ fn future(node: &Node, object: ObjectAddress) -> String {
     format!("{waiting}{persists}")
 }
 
-fn hex(bytes: &[u8]) -> String {
+/// Hex pairs without spaces.
+pub(super) fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().concat()
+}
+
+/// ` {88} 1.234 s`: where a value was seen. What a file states has no frame.
+pub(super) fn place(entry: &Entry, first: Option<Timestamp>) -> String {
+    let frame = if entry.origin.frame == 0 { String::new() } else { format!(" {{{}}}", entry.origin.frame) };
+    let time = entry.origin.time.zip(first).map_or(String::new(), |(time, first)| {
+        let milliseconds = time.since(first) / 1_000_000;
+        format!(" {}.{:03} s", milliseconds / 1000, milliseconds.unsigned_abs() % 1000)
+    });
+    format!("{frame}{time}")
 }
 
 /// One object as a JSON object.

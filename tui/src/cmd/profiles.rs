@@ -5,10 +5,11 @@ use std::io::Write as _;
 use std::path::Path;
 
 use cobscope_decoder::profile::device::ProfileFile;
-use cobscope_decoder::profile::{Catalogue, Device, ProfileError, check};
+use cobscope_decoder::profile::{Catalogue, Device, ProfileError, check, imported};
 use cobscope_decoder::samples::check_samples;
 use cobscope_decoder::sink::escape;
 
+use super::device_files;
 use super::profile_markdown::markdown;
 use super::profile_page::page;
 use crate::cli::{PageFormat, ProfilesCommand};
@@ -24,6 +25,7 @@ pub fn run(command: &ProfilesCommand, catalogue: &Catalogue) -> Exit {
             show(catalogue, profile, markdown)
         }
         ProfilesCommand::Check { files } => check_files(files),
+        ProfilesCommand::Import { file } => import(file),
     }
 }
 
@@ -116,6 +118,10 @@ fn check_files(files: &[std::path::PathBuf]) -> Exit {
     let mut exit = Exit::Clean;
     for path in files {
         let name = path.display().to_string();
+        if device_files::is_device_file(path) {
+            exit = exit.max(check_device_file(path));
+            continue;
+        }
         match std::fs::read_to_string(path) {
             Ok(text) => {
                 if !check_one(path, &name, &text) {
@@ -129,6 +135,40 @@ fn check_files(files: &[std::path::PathBuf]) -> Exit {
         }
     }
     exit
+}
+
+/// Tells what of a device file cannot be read, or only by a guess.
+fn check_device_file(path: &Path) -> Exit {
+    let file = match device_files::read(path) {
+        Ok(file) => file,
+        Err(error) => {
+            complain(&escape(&format!("{error:#}")));
+            return Exit::Profile;
+        }
+    };
+    let lines = device_files::problem_lines(path, &file);
+    for line in &lines {
+        complain(&escape(line));
+    }
+    if !lines.is_empty() {
+        return Exit::Profile;
+    }
+    print(&format!("{}: ok, {} objects\n", escape(&path.display().to_string()), file.objects.len()));
+    Exit::Clean
+}
+
+/// Writes the profile of a device file.
+fn import(path: &Path) -> Exit {
+    match device_files::read(path) {
+        Ok(file) => {
+            print(&imported::toml(&file, &device_files::name(path)));
+            Exit::Clean
+        }
+        Err(error) => {
+            complain(&escape(&format!("{error:#}")));
+            Exit::Profile
+        }
+    }
 }
 
 /// Checks all variants of a profile and runs its samples; standards are taken from this program and from the file's folder.

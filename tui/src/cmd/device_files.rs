@@ -1,0 +1,133 @@
+//! EDS, DCF, XDD and XDC files: reading them, telling their problems, the nodes and profiles they stand for.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::Context as _;
+use cobscope_decoder::bus_file::BusFile;
+use cobscope_decoder::profile::device_file::{self, DeviceFile};
+use cobscope_decoder::profile::{Catalogue, Device, imported};
+use cobscope_decoder::session::{AssignedBy, Assignment};
+
+use super::input::warn;
+use crate::cli::{FileArg, InputArgs};
+
+/// Problems of a file that are told where it is used.
+const TOLD: usize = 5;
+
+/// Bytes of a file; the largest known have half a megabyte.
+const LARGEST: u64 = 64 << 20;
+
+/// Whether the name of a file is that of a device file.
+pub(super) fn is_device_file(path: &Path) -> bool {
+    let kinds = ["eds", "dcf", "xdd", "xdc"];
+    path.extension().is_some_and(|extension| kinds.iter().any(|kind| extension.eq_ignore_ascii_case(kind)))
+}
+
+/// Name of a file without its folder.
+pub(super) fn name(path: &Path) -> String {
+    path.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned())
+}
+
+/// Reads a device file.
+///
+/// # Errors
+/// A file that cannot be read, or is none.
+pub(super) fn read(path: &Path) -> anyhow::Result<Arc<DeviceFile>> {
+    let shown = path.display();
+    let mut bytes = Vec::new();
+    let file = File::open(path).with_context(|| format!("{shown}: cannot be read"))?;
+    file.take(LARGEST + 1).read_to_end(&mut bytes).with_context(|| format!("{shown}: cannot be read"))?;
+    anyhow::ensure!(bytes.len() as u64 <= LARGEST, "{shown}: is larger than {} MiB", LARGEST >> 20);
+    let file = device_file::parse(&bytes).with_context(|| shown.to_string())?;
+    Ok(Arc::new(file))
+}
+
+/// `pump.eds:12: reason`, a line a problem.
+pub(super) fn problem_lines(path: &Path, file: &DeviceFile) -> Vec<String> {
+    let shown = path.display();
+    let line = |problem: &device_file::Problem| match problem.line {
+        0 => format!("{shown}: {}", problem.reason),
+        line => format!("{shown}:{line}: {}", problem.reason),
+    };
+    file.problems.iter().map(line).collect()
+}
+
+/// The device files of nodes: of the bus file, then of the options, which go before it.
+///
+/// # Errors
+/// Files that cannot be read at all; what is wrong within one is told.
+pub(super) fn assignments(input: &InputArgs, bus_file: &BusFile) -> anyhow::Result<Vec<Assignment>> {
+    let folder = input.bus.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
+    let mut reader = Reader::default();
+    let mut all = Vec::new();
+    for (bus, node, file) in bus_file.device_files() {
+        let device = reader.device(&folder.join(file), node)?;
+        all.push(Assignment { bus: bus.map(Into::into), node, device, by: AssignedBy::DeviceFile });
+    }
+    for FileArg { node, file } in &input.eds {
+        let device = reader.device(file, node.id)?;
+        all.push(Assignment { bus: node.bus.clone(), node: node.id, device, by: AssignedBy::DeviceFile });
+    }
+    Ok(all)
+}
+
+/// Reads each file once, and tells its problems once.
+#[derive(Default)]
+struct Reader {
+    devices: BTreeMap<PathBuf, Arc<Device>>,
+}
+
+impl Reader {
+    fn device(&mut self, path: &Path, node: u8) -> anyhow::Result<Arc<Device>> {
+        let device = if let Some(device) = self.devices.get(path) {
+            Arc::clone(device)
+        } else {
+            let file = read(path)?;
+            tell(path, &file);
+            let device = Arc::new(imported::device(&file, &name(path)));
+            self.devices.insert(path.to_owned(), Arc::clone(&device));
+            device
+        };
+        let own = device.file.as_ref().and_then(|import| import.file.node_id);
+        if let Some(own) = own.filter(|own| *own != node) {
+            warn(&format!("{}: is of node {own}, and is used for node {node}", path.display()));
+        }
+        Ok(device)
+    }
+}
+
+/// Tells the first problems and how many there are.
+fn tell(path: &Path, file: &DeviceFile) {
+    let lines = problem_lines(path, file);
+    for line in lines.iter().take(TOLD) {
+        warn(line);
+    }
+    if let Some(more) = lines.len().checked_sub(TOLD).filter(|more| *more > 0) {
+        let shown = path.display();
+        warn(&format!("{shown}: {more} more problems (cobscope profiles check {shown})"));
+    }
+}
+
+/// Adds a device file of a folder to the profiles. One that cannot be read is said.
+pub(super) fn add_to(catalogue: &mut Catalogue, path: &Path) {
+    let file = match read(path) {
+        Ok(file) => file,
+        Err(error) => return warn(&format!("{error:#}")),
+    };
+    let name = name(path);
+    let mut device = imported::device(&file, &name);
+    let known = catalogue.ids();
+    let stem = imported::id_of_name(&name);
+    let kind = format!("{stem}-{}", file.kind.name());
+    let numbered = (2_u32..).map(|number| format!("{kind}-{number}"));
+    let ids = [device.id.clone(), stem, kind.clone()].into_iter().chain(numbered);
+    if let Some(free) = ids.into_iter().find(|id| !known.contains(id)) {
+        device.full_id.clone_from(&free);
+        device.id = free;
+    }
+    catalogue.add_device(&path.display().to_string(), device);
+}
