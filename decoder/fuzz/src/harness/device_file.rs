@@ -1,8 +1,12 @@
-//! Readers of EDS, DCF and XDD: each address once, every problem in a line, the same from a file with a mark.
+//! Readers of EDS, DCF and XDD: each address once, every problem in a line, the same from a file with a mark;
+//! and what is read makes a profile without mistakes.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
-use cobscope_decoder::profile::device_file::{MOST_ENTRIES, MOST_PROBLEMS, parse};
+use cobscope_decoder::profile::device::ProfileFile;
+use cobscope_decoder::profile::device_file::{DeviceFile, MOST_ENTRIES, MOST_PROBLEMS, parse};
+use cobscope_decoder::profile::{check, imported, plain_device};
 
 /// A device file.
 pub fn device_file(data: &[u8]) {
@@ -29,4 +33,23 @@ pub fn device_file(data: &[u8]) {
     assert!([file.vendor_id, file.product_code, file.revision].iter().all(|number| *number != Some(0)));
     let rates: BTreeSet<_> = file.bit_rates.iter().collect();
     assert!(rates.into_iter().eq(&file.bit_rates), "{:?}", file.bit_rates);
+    profile(&Arc::new(file));
+}
+
+/// The profile of a file is without mistakes and has all its entries.
+fn profile(file: &Arc<DeviceFile>) {
+    let text = imported::toml(file, "a.eds");
+    let profile = ProfileFile::parse(&text).unwrap_or_else(|errors| panic!("{errors:?}\n{text}"));
+    let device = profile.device(None, &[Arc::clone(plain_device())]);
+    assert_eq!(check(&text, &profile, &device), [], "{text}");
+    assert_eq!(device.object_count(), file.objects.len(), "{text}");
+    let made = imported::device(file, "a.eds");
+    assert_eq!((&made.id, &made.title, made.object_count()), (&device.id, &device.title, file.objects.len()));
+    for object in &file.objects {
+        let entry = |dictionary: &cobscope_decoder::profile::Dictionary| {
+            let entry = dictionary.find(object.address).and_then(|found| found.entry)?;
+            Some((entry.data_type, entry.access, entry.default.clone()))
+        };
+        assert_eq!(entry(&made.dictionary), entry(&device.dictionary), "{}\n{text}", object.address);
+    }
 }

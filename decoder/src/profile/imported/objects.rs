@@ -7,6 +7,9 @@ use crate::profile::dictionary::{Dictionary, Entry, Object};
 use crate::profile::object::{Access, Effect, Format, Given, Look, ONCE, Only, Storage};
 use crate::wire::canopen::ObjectAddress;
 
+/// The largest node-ID.
+const LAST_NODE: i128 = 127;
+
 /// Objects, and what of the file is not in them.
 pub(super) struct Objects {
     pub(super) list: Vec<Object>,
@@ -64,6 +67,14 @@ impl Objects {
         let Some(data_type) = entry.data_type else { return entry };
         if let Some(given) = &object.default {
             entry.default = default(given, data_type);
+            if entry.default.is_none() {
+                let reason = format!(
+                    "{}: the default is no value of {}, and is left out",
+                    object.address,
+                    data_type.name()
+                );
+                self.problems.push(Problem { line: object.line, reason });
+            }
         }
         entry.look.range = limits(object, data_type).or(entry.look.range);
         if let (Some([least, most]), Some(Given::Number(default))) = (entry.look.range, &entry.default)
@@ -114,23 +125,30 @@ const fn access(access: device_file::Access) -> Access {
     }
 }
 
-/// A default in the words of a profile; none where it does not fit its type, which the reader has said.
+/// A default in the words of a profile; `None` where it is no value of its type.
 fn default(given: &device_file::Given, data_type: DataType) -> Option<Given> {
+    let holds =
+        |number: i128| bounds(data_type).is_some_and(|[least, most]| (least..=most).contains(&number));
+    let is_number = data_type.bits().is_some();
     Some(match given {
-        device_file::Given::Number(number) => match (bounds(data_type), i64::try_from(*number)) {
-            (Some([least, most]), _) if !(least..=most).contains(number) => return None,
-            (None, _) => return None,
-            (_, Ok(number)) => Given::Number(number),
-            (_, Err(_)) => Given::Text(format!("{number:#X}")),
+        device_file::Given::Number(number) if holds(*number) => match i64::try_from(*number) {
+            Ok(number) => Given::Number(number),
+            Err(_) => Given::Text(format!("{number:#X}")),
         },
-        device_file::Given::Formula { offset: 0 } => Given::Text("$NODEID".to_owned()),
-        device_file::Given::Formula { offset } => Given::Text(format!("$NODEID+{offset:#X}")),
-        device_file::Given::Real(number) => Given::Real(*number),
-        device_file::Given::Text(text) => Given::Text(text.clone()),
-        device_file::Given::Bytes(bytes) => {
+        device_file::Given::Formula { offset }
+            if data_type.is_integer() && holds(i128::from(*offset) + LAST_NODE) =>
+        {
+            Given::Text(if *offset == 0 { "$NODEID".to_owned() } else { format!("$NODEID+{offset:#X}") })
+        }
+        device_file::Given::Real(number) if matches!(data_type, DataType::Real32 | DataType::Real64) => {
+            Given::Real(*number)
+        }
+        device_file::Given::Text(text) if !is_number => Given::Text(text.clone()),
+        device_file::Given::Bytes(bytes) if !is_number => {
             let pairs: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
             Given::Text(pairs.join(" "))
         }
+        _ => return None,
     })
 }
 
@@ -224,7 +242,15 @@ mod tests {
         assert_eq!(of(8, "1.5"), Some(Given::Real(1.5)));
         assert_eq!(of(9, "abc"), text("abc"));
         assert_eq!(of(10, "c83d"), text("C8 3D"));
-        // It does not fit, which the reader says.
         assert_eq!(of(5, "256"), None);
+        assert_eq!(of(5, "$NODEID+0x81"), None);
+    }
+
+    #[test]
+    fn what_is_no_value_of_the_standard_s_type_is_left_out() {
+        let objects = of("[1000]\nParameterName=a\nAccessType=ro\nDefaultValue=by the maker\n");
+        let reasons: Vec<_> = objects.problems.iter().map(|problem| problem.reason.as_str()).collect();
+        assert_eq!(reasons, ["1000:00: the default is no value of UNSIGNED32, and is left out"]);
+        assert_eq!(objects.list[0].entries[0].default, None);
     }
 }

@@ -166,3 +166,84 @@ fn same(wanted: &[u8], value: &[u8], data_type: Option<DataType>) -> bool {
         None => wanted == value,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::event::Event;
+    use crate::frame::BusIndex;
+    use crate::profile::{device_file, imported};
+    use crate::session::{AssignedBy, Assignment, SessionOptions};
+
+    const FILE: &str = "[DeviceInfo]\nVendorNumber=1\nProductNumber=2\nRevisionNumber=3\n\
+        [1000]\nParameterName=a\nDataType=7\nAccessType=ro\nDefaultValue=0\n\
+        [1018]\nParameterName=a\nObjectType=9\n\
+        [1018sub1]\nParameterName=a\nDataType=7\nAccessType=ro\nDefaultValue=1\n\
+        [1018sub3]\nParameterName=a\nDataType=7\nAccessType=ro\nDefaultValue=0\n\
+        [2000]\nParameterName=a\nDataType=6\nAccessType=rw\nParameterValue=5\n\
+        [2001]\nParameterName=a\nDataType=6\nAccessType=ro\nParameterValue=5\n\
+        [1010]\nParameterName=a\nObjectType=9\n[1010sub1]\nParameterName=a\nDataType=7\nAccessType=rw\nParameterValue=5\n";
+
+    fn bus() -> Bus {
+        let file = Arc::new(device_file::parse(FILE.as_bytes()).unwrap());
+        let device = Arc::new(imported::device(&file, "a.dcf"));
+        let assignment = Assignment { bus: None, node: 5, device, by: AssignedBy::DeviceFile };
+        let options = SessionOptions { assignments: vec![assignment], ..SessionOptions::default() };
+        Bus::new(BusIndex(0), "can0", Arc::new(options))
+    }
+
+    /// Texts of the conflicts when these values are read.
+    fn read(bus: &mut Bus, values: &[(u16, u8, &[u8])]) -> Vec<String> {
+        let mut texts = Vec::new();
+        for (index, sub, value) in values {
+            let object = ObjectAddress::new(*index, *sub);
+            bus.learn_object(
+                5,
+                object,
+                value,
+                OriginKind::Upload,
+                &Frame::EMPTY,
+                &mut |event: &Event, _: &Bus| match &event.kind {
+                    EventKind::Conflict(conflict) => texts.push(conflict.text.clone()),
+                    EventKind::Evicted { what, .. } => texts.push(format!("evicted {what}")),
+                    _ => {}
+                },
+            );
+        }
+        texts
+    }
+
+    #[test]
+    fn a_number_nobody_filled_in_says_nothing() {
+        // 1000:00 and 1018:03 are 0 in the file; the revision stands in its header.
+        let values: [(u16, u8, &[u8]); 4] = [
+            (0x1000, 0, &[9, 0, 0, 0]),
+            (0x1018, 1, &[1, 0, 0, 0]),
+            (0x1018, 3, &[3, 0, 0, 0]),
+            (0x1018, 3, &[4, 0, 0, 0]),
+        ];
+        assert_eq!(read(&mut bus(), &values), ["the file is of another revision"]);
+    }
+
+    #[test]
+    fn what_is_measured_or_a_command_is_no_configuration() {
+        let values: [(u16, u8, &[u8]); 3] =
+            [(0x2001, 0, &[9, 0]), (0x1010, 1, &[1, 0, 0, 0]), (0x2000, 0, &[5, 0, 0, 0])];
+        assert!(read(&mut bus(), &values).is_empty());
+        assert_eq!(read(&mut bus(), &[(0x2000, 0, &[9, 0])]), ["the node is not configured so"]);
+        let text = "UNSIGNED16 by the dcf, which has 2 bytes, but 3 bytes came";
+        assert_eq!(read(&mut bus(), &[(0x2000, 0, &[9, 0, 1])]), [text]);
+    }
+
+    #[test]
+    fn conflicts_are_told_up_to_a_limit() {
+        let values: Vec<[u8; 2]> = (0..300_u16).map(|number| (1000 + number).to_le_bytes()).collect();
+        let values: Vec<(u16, u8, &[u8])> =
+            values.iter().map(|value| (0x2000, 0, value.as_slice())).collect();
+        let told = read(&mut bus(), &values);
+        assert_eq!(told.len(), CONFLICT_LIMIT + 1);
+        assert_eq!(told.last().unwrap(), "evicted conflict");
+    }
+}
