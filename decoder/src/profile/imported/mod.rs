@@ -147,7 +147,9 @@ fn steers(c: char) -> bool {
 
 /// Letters and digits of ASCII in small letters, a hyphen for all between.
 fn kebab(text: &str) -> String {
-    let lower = text.to_ascii_lowercase();
+    let lower = text.to_lowercase();
+    let spelled = [('ä', "ae"), ('ö', "oe"), ('ü', "ue"), ('ß', "ss")];
+    let lower = spelled.iter().fold(lower, |text, (letter, letters)| text.replace(*letter, letters));
     let words = lower.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
     let mut id = String::new();
     for word in words {
@@ -158,4 +160,55 @@ fn kebab(text: &str) -> String {
     }
     id.truncate(LONGEST_ID);
     id.trim_end_matches('-').to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::profile::device_file;
+
+    #[test]
+    fn ids_are_made_of_names() {
+        let of = |vendor: &str, product: &str, name: &str| {
+            let text = format!("[DeviceInfo]\nVendorName={vendor}\nProductName={product}\n");
+            let device = device(&Arc::new(device_file::parse(text.as_bytes()).unwrap()), name);
+            (device.id, device.title)
+        };
+        let named = |id: &str, title: &str| (id.to_owned(), title.to_owned());
+        assert_eq!(of("Müller & Söhne", "Größe L", "x.eds"), named("mueller-soehne-groesse-l", "Größe L"));
+        assert_eq!(of("", "Pump", "My pump.V2.eds"), named("my-pump-v2", "Pump"));
+        assert_eq!(of("日本", "Pump", "--.eds"), named("device", "Pump"));
+        assert_eq!(of("", "", "a.dcf"), named("a", "a"));
+        assert_eq!(of(&"x".repeat(99), "b", "a.dcf").0.len(), LONGEST_ID);
+    }
+
+    #[test]
+    fn only_both_numbers_are_an_identity() {
+        let of = |numbers: &str| {
+            let text = format!("[DeviceInfo]\n{numbers}\n");
+            device(&Arc::new(device_file::parse(text.as_bytes()).unwrap()), "a.eds").identities.len()
+        };
+        assert_eq!(of("VendorNumber=1\nProductNumber=2"), 1);
+        assert_eq!(of("VendorNumber=1\nProductNumber=0"), 0);
+        assert_eq!(of("ProductNumber=2"), 0);
+    }
+
+    #[test]
+    fn a_profile_says_what_it_says_of_a_pdo() {
+        let text = "[1800]\nParameterName=a\nObjectType=9\n[1800sub1]\nParameterName=a\nDataType=7\nAccessType=rw\nDefaultValue=0x3A0\n\
+            [1A00]\nParameterName=a\nObjectType=9\n[1A00sub0]\nParameterName=a\nDataType=5\nAccessType=rw\nDefaultValue=1\n";
+        let file = Arc::new(device_file::parse(text.as_bytes()).unwrap());
+        let profile =
+            "id = \"x\"\n[[pdo]]\npdo = \"TPDO1\"\nmapping = \"default\"\nfields = [{ bits = 8 }]\n";
+        let profile = crate::profile::device::ProfileFile::parse(profile).unwrap();
+        let filled = profile.device(None, &[Arc::clone(plain_device())]).filled(&file);
+        let default = |index, sub| {
+            let found = filled.dictionary.find(ObjectAddress::new(index, sub)).unwrap();
+            found.entry.unwrap().default_number(None)
+        };
+        assert_eq!((default(0x1800, 1), default(0x1A00, 0)), (Some(0x3A0), None));
+        assert_eq!(filled.default_origin(ObjectAddress::new(0x1800, 1)), "eds");
+        assert_eq!(filled.default_origin(ObjectAddress::new(0x1A00, 0)), "profile");
+        assert!(!filled.is_file_alone());
+    }
 }

@@ -62,6 +62,7 @@ impl Objects {
             known.is_some() && (object.data_type.is_none() || object.data_type == known)
         });
         let mut entry = same.and_then(|found| found.alone()).unwrap_or_else(|| plain(object));
+        entry.source.clear();
         entry.access = object.access.map(access).or(entry.access);
         entry.note = object.denotation.as_deref().map(printable).unwrap_or_default();
         let Some(data_type) = entry.data_type else { return entry };
