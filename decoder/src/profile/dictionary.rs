@@ -66,7 +66,7 @@ pub struct Entry {
     pub(super) span: Range<usize>,
 }
 
-/// Repeats followed where an object decides how others are read.
+/// Repeats followed where an object decides how others are read, or on which identifiers.
 const MOST_REPEATS: u16 = 1024;
 
 /// Objects of one or more documents: the first that has an address counts.
@@ -109,16 +109,15 @@ impl Dictionary {
         self.layers.iter().position(|layer| layer.iter().any(|object| object.has(address)))
     }
 
-    /// Addresses `picks` among those with a default, ascending.
+    /// Addresses with sub-index 0 or 1 that `picks` and that have a default, ascending.
     pub fn defaults(&self, picks: impl Fn(ObjectAddress) -> bool) -> Vec<ObjectAddress> {
         let mut found = Vec::new();
         for object in self.layers.iter().flat_map(|layer| layer.iter()) {
-            for entry in object.entries.iter().filter(|entry| entry.default.is_some()) {
-                for nth in 0..object.repeat.count {
-                    let index = object.index.wrapping_add(nth.wrapping_mul(object.repeat.stride));
-                    let addresses = (entry.sub..=entry.to).map(|sub| ObjectAddress::new(index, sub));
-                    found.extend(addresses.filter(|address| picks(*address)));
-                }
+            let delivered = |sub: &u8| object.entry(*sub).is_some_and(|entry| entry.default.is_some());
+            for sub in [0, 1].into_iter().filter(delivered) {
+                let indexes = (0..object.repeat.count.min(MOST_REPEATS))
+                    .map(|nth| object.index.wrapping_add(nth.wrapping_mul(object.repeat.stride)));
+                found.extend(indexes.map(|index| ObjectAddress::new(index, sub)).filter(|it| picks(*it)));
             }
         }
         found.sort_unstable();
