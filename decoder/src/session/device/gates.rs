@@ -1,8 +1,8 @@
 //! Gates: whether a set point acts, and what keeps it from acting.
 
 use crate::event::Effective;
+use crate::profile::PdoName;
 use crate::profile::device::{Condition, Gate, Otherwise};
-use crate::profile::{PdoName, Resolver};
 use crate::session::node::Node;
 use crate::wire::canopen::ObjectAddress;
 
@@ -198,7 +198,7 @@ impl Node {
         if let Some(word) = self.behaviour.word(object) {
             return Some((word.cast_signed(), false));
         }
-        let number = Resolver::new(&self.device.dictionary, &*self.store).number(object)?;
+        let number = self.resolver().number(object)?;
         Some((number.raw, number.assumed))
     }
 }

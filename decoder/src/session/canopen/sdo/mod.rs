@@ -18,7 +18,7 @@ use super::super::store::OriginKind;
 use crate::bus_file::encode;
 use crate::event::{Direction, EventKind, Outcome, SdoTransfer};
 use crate::frame::Frame;
-use crate::profile::object::{Format, Given};
+use crate::profile::object::Format;
 use crate::profile::{Effect, Storage};
 use crate::session::timers::Subject;
 use crate::session::{Bus, Observer};
@@ -139,11 +139,8 @@ impl Bus {
             return (Some(entry.value.clone()), entry.stale);
         }
         let entry = node.device().dictionary.find(object).and_then(|found| found.entry);
-        let default = match entry.map(|entry| (&entry.default, entry.data_type)) {
-            Some((Some(Given::Number(number)), data_type)) => encode(*number, data_type).ok(),
-            _ => None,
-        };
-        (default, true)
+        let number = entry.and_then(|entry| Some((entry.default_number(Some(server))?, entry.data_type)));
+        (number.and_then(|(number, data_type)| encode(number, data_type).ok()), true)
     }
 
     /// When a write acts and whether it stays, where the device's profile tells.
