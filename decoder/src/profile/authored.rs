@@ -236,7 +236,12 @@ impl Authored {
         if let Some(unit) = &self.unit
             && !super::lookup::units().contains(unit.get_ref())
         {
-            return Err((unit.span(), format!("'{}' is no unit of lookups/units.toml", unit.get_ref())));
+            let message = format!(
+                "'{}' is no known unit; known are {}",
+                unit.get_ref(),
+                super::lookup::units().join(" ")
+            );
+            return Err((unit.span(), message));
         }
         Ok(Look {
             name: self.name.clone(),

@@ -229,12 +229,7 @@ impl Catalogue {
     }
 
     fn unknown(&self, id: &str) -> ProfileError {
-        // A letter or two are in any name.
-        let is_in = |part: &str, whole: &str| part.len() > 2 && whole.contains(part);
-        let closest = self.ids().into_iter().find(|known| {
-            is_in(id, known) || is_in(known, id) || known.split('-').any(|part| is_in(part, id))
-        });
-        ProfileError::Unknown { id: id.to_owned(), closest }
+        ProfileError::Unknown { id: id.to_owned(), closest: closest(id, self.ids()) }
     }
 
     /// Assignments that fit what a node said of itself; more than one is ambiguous. Device files count
@@ -270,6 +265,22 @@ fn fitting<'a>(
         }
     }
     all
+}
+
+/// The name most like one that does not exist: most letters in common from a word's beginning, three at
+/// least, since a letter or two are in any name.
+fn closest(wanted: &str, known: impl IntoIterator<Item = String>) -> Option<String> {
+    let common = |a: &str, b: &str| a.chars().zip(b.chars()).take_while(|(a, b)| a == b).count();
+    let alike = |name: &str| {
+        let words = name.split('-').chain([name]);
+        words
+            .map(|word| {
+                common(word, wanted).max(wanted.split('-').map(|part| common(word, part)).max().unwrap_or(0))
+            })
+            .max()
+    };
+    let scored = known.into_iter().filter_map(|name| Some((alike(&name)?, name)));
+    scored.filter(|(score, _)| *score > 2).max_by_key(|(score, _)| *score).map(|(_, name)| name)
 }
 
 /// Path and text of the profiles of this program.

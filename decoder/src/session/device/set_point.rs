@@ -220,7 +220,9 @@ fn signed(meaning: &Meaning, value: &Value) -> String {
     let is_positive = meaning.scaled(value).is_some_and(|quantity| quantity >= shows);
     let both_ways = meaning.range.is_some_and(|[least, _]| least < 0)
         || meaning.limits.is_some_and(|[least, _]| least < 0.0);
-    if is_positive && both_ways { format!("+{text}") } else { text }
+    let sign = if is_positive && both_ways { "+" } else { "" };
+    let outside = if meaning.is_outside(value) { " (outside)" } else { "" };
+    format!("{sign}{text}{outside}")
 }
 
 /// A number without scale is its own quantity, unless it has a name.

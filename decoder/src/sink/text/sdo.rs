@@ -59,6 +59,7 @@ fn value(transfer: &SdoTransfer) -> String {
     let show = |data: &[u8]| match &transfer.meaning {
         Some(meaning) => match meaning.decode(data) {
             Value::Bytes(data) => unknown(&data),
+            known if meaning.is_outside(&known) => format!("{} (outside)", meaning.show(&known)),
             known => meaning.show(&known),
         },
         None => unknown(data),
