@@ -12,7 +12,7 @@ use cobscope_decoder::session::{AssignedBy, Assignment, SessionOptions};
 use crate::scene::{Expected, captures, events};
 
 /// What the remarks say of the nodes, and the bus file beside the capture.
-fn options(name: &Path, expected: &Expected, catalogue: &Catalogue) -> SessionOptions {
+pub fn options(name: &Path, expected: &Expected, catalogue: &Catalogue) -> SessionOptions {
     let nodes = expected.remarks.iter().filter_map(|remark| remark.strip_prefix("node:"));
     let assignments = nodes.flat_map(str::split_whitespace).map(|node| {
         let (id, device) = node.split_once('=').unwrap();

@@ -10,6 +10,7 @@ use std::process::{Command, Stdio};
 use cobscope_decoder::capture::{Batch, Item, ReadOptions, Reader};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::Event;
+use cobscope_decoder::profile::Catalogue;
 use cobscope_decoder::query::KindSet;
 use cobscope_decoder::query::fields::{Field, FieldType, table};
 use cobscope_decoder::session::{Bus, SessionOptions};
@@ -17,7 +18,8 @@ use cobscope_decoder::sink::jsonl::Jsonl;
 use regex_lite::Regex;
 use serde_json::{Map, Value, json};
 
-use crate::{sample_events, support};
+use crate::scene::{self, Expected};
+use crate::{devices, sample_events, support};
 
 /// Keys every event has.
 const REQUIRED: [&str; 5] = ["t", "bus", "frames", "kind", "protocol"];
@@ -221,9 +223,9 @@ fn has_type(rule: &Value, value: &Value) -> bool {
 }
 
 /// All lines a decoder and the JSON writer make of a capture.
-fn lines(bytes: &[u8]) -> String {
+fn lines(bytes: &[u8], options: SessionOptions) -> String {
     let mut reader = Reader::open(bytes, &ReadOptions::default()).unwrap();
-    let mut decoder = Decoder::new(SessionOptions::default());
+    let mut decoder = Decoder::new(options);
     let mut batch = Batch::new();
     let mut output = Vec::new();
     let mut sink = Jsonl::new(&mut output);
@@ -248,11 +250,17 @@ fn all_lines() -> String {
     for entry in fs::read_dir(support::workspace().join("fixtures").join("canopen")).unwrap() {
         let path = entry.unwrap().path();
         if path.extension().is_some_and(|extension| extension == "log") {
-            all += &lines(&fs::read(path).unwrap());
+            all += &lines(&fs::read(path).unwrap(), SessionOptions::default());
             captures += 1;
         }
     }
     assert!(captures >= 20);
+    let catalogue = Catalogue::default();
+    for name in scene::captures("devices") {
+        let expected = Expected::read(&name.with_extension("expected.txt"));
+        let options = devices::options(&name, &expected, &catalogue);
+        all += &lines(&fs::read(name.with_extension("log")).unwrap(), options);
+    }
     let (mut output, bus) = (Vec::new(), sample_events::bus());
     let mut sink = Jsonl::new(&mut output);
     sink.set_capture(Some("a.log".into()));
