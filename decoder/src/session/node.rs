@@ -84,6 +84,10 @@ pub struct Node {
     pub(super) lost: bool,
     /// Last frame it sent, and when.
     pub(super) last_frame: u64,
+    /// First frame heard from it; 0 for none.
+    pub(super) first_frame: u64,
+    /// It was told to be another node under a new node-ID.
+    pub(super) is_joined: bool,
     pub(super) last_seen: Option<Timestamp>,
     /// Monotonic time of its last frame.
     pub(super) last_heard: i64,
@@ -165,6 +169,8 @@ impl Node {
             attention: true,
             lost: false,
             last_frame: 0,
+            first_frame: 0,
+            is_joined: false,
             last_seen: None,
             last_heard: 0,
             reset_frame: None,

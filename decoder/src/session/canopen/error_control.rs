@@ -194,6 +194,9 @@ impl Bus {
         }
         let Some(node) = self.node_mut(id) else { return };
         node.last_frame = frame.number;
+        if node.first_frame == 0 {
+            node.first_frame = frame.number;
+        }
         node.last_seen = frame.time;
         node.last_heard = now;
     }

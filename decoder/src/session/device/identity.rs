@@ -1,11 +1,14 @@
 //! A node takes another node-ID: what moves with it, what stays.
 
+use std::sync::Arc;
+
 use super::procedure::Announcement;
 use crate::event::EventKind;
 use crate::frame::{CanId, Frame};
 use crate::profile::{PdoDirection, PdoName, Role, integer};
 use crate::session::routes::Service;
-use crate::session::{Bus, Observer};
+use crate::session::{Bus, Node, Observer};
+use crate::wire::canopen::ObjectAddress;
 
 impl Bus {
     /// A node appears under `id`: if one was given that node-ID, it is that one.
@@ -33,9 +36,36 @@ impl Bus {
         reset.next().map(|node| node.id).filter(|_| reset.next().is_none())
     }
 
+    /// A node told its serial number (1018:04). A rotary switch is never seen on the bus: a node with the
+    /// numbers of another one that is silent since is that one under a new node-ID.
+    pub(in crate::session) fn join_by_serial(&mut self, id: u8, frame: &Frame, out: &mut dyn Observer) {
+        let numbers = |node: &Node| {
+            let number = |sub| node.store.number(ObjectAddress::new(0x1018, sub));
+            Some([number(1)?, number(2)?, number(4).filter(|serial| *serial != 0)?])
+        };
+        let Some(own) = self.node(id).filter(|node| !node.is_joined) else { return };
+        let Some(wanted) = numbers(own) else { return };
+        let began = own.first_frame;
+        let mut alike = self
+            .nodes()
+            .filter(|node| node.id != id && node.last_frame < began && numbers(node) == Some(wanted));
+        let (Some(other), None) = (alike.next(), alike.next()) else { return };
+        let (from, device, assigned) = (other.id, Arc::clone(&other.device), other.assigned);
+        drop(alike);
+        if let Some(node) = self.node_mut(id) {
+            node.is_joined = true;
+        }
+        let is_open = self.node(id).is_some_and(|node| node.assigned.is_none());
+        if let Some(by) = assigned.filter(|_| is_open) {
+            self.assign(id, &device, by);
+        }
+        let kind = EventKind::NodeIdChange { from: Some(from), to: id, by: "serial number" };
+        self.emit(frame, id, false, kind, out);
+    }
+
     /// The node whose node-ID object holds `id`, waiting for a restart.
     fn told_to_be(&self, id: u8) -> Option<u8> {
-        let is_told = |node: &&crate::session::Node| {
+        let is_told = |node: &&Node| {
             node.id != id
                 && node.store.all_waiting().any(|(object, waiting)| {
                     let meaning = node.meaning(object).filter(|it| it.role == Some(Role::NodeId));
@@ -81,7 +111,7 @@ impl Bus {
         let objects: Vec<_> = node.store.sorted().into_iter().map(|(object, _)| object).collect();
         for object in objects.into_iter().filter(|it| ranges.iter().any(|range| range.covers(*it, 0, 0))) {
             if let Some(node) = self.node_mut(id) {
-                std::sync::Arc::make_mut(&mut node.store).remove(object);
+                Arc::make_mut(&mut node.store).remove(object);
             }
             self.forget_effect(id, object);
         }
@@ -96,4 +126,51 @@ fn predefined(name: PdoName, node: u8) -> Option<CanId> {
     };
     let step = name.number.checked_sub(1).filter(|step| *step < 4)?;
     Some(CanId::standard(base + 0x100 * step + u16::from(node)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::event::Event;
+    use crate::frame::{BusIndex, Timestamp};
+    use crate::session::SessionOptions;
+
+    /// Boot-up of a node, then uploads of 1018:01, :02 and :04.
+    fn introduced(bus: &mut Bus, id: u8, serial: u8, number: &mut u64) -> Vec<Event> {
+        let mut events = Vec::new();
+        let mut push = |can_id: u16, data: &[u8]| {
+            *number += 1;
+            let mut frame = Frame::data_frame(CanId::standard(can_id), data);
+            frame.number = *number;
+            frame.time = Some(Timestamp(1_000_000 * i64::try_from(*number).unwrap()));
+            bus.push(&frame, &mut |event: &Event, _: &Bus| events.push(event.clone()));
+        };
+        push(0x700 + u16::from(id), &[0]);
+        for (sub, value) in [(1, 0x19), (2, 7), (4, serial)] {
+            push(0x600 + u16::from(id), &[0x40, 0x18, 0x10, sub, 0, 0, 0, 0]);
+            push(0x580 + u16::from(id), &[0x43, 0x18, 0x10, sub, value, 0, 0, 0]);
+        }
+        events
+    }
+
+    fn changes(events: &[Event]) -> Vec<(Option<u8>, u8, &'static str)> {
+        let change = |event: &Event| match event.kind {
+            EventKind::NodeIdChange { from, to, by } => Some((from, to, by)),
+            _ => None,
+        };
+        events.iter().filter_map(change).collect()
+    }
+
+    #[test]
+    fn a_node_with_the_numbers_of_a_silent_one_is_that_one() {
+        let mut bus = Bus::new(BusIndex(0), "can0", Arc::new(SessionOptions::default()));
+        let mut number = 0;
+        assert!(changes(&introduced(&mut bus, 2, 9, &mut number)).is_empty());
+        assert!(changes(&introduced(&mut bus, 3, 8, &mut number)).is_empty(), "another serial number");
+        let events = introduced(&mut bus, 5, 9, &mut number);
+        assert_eq!(changes(&events), [(Some(2), 5, "serial number")]);
+        // Without a serial number nothing tells one device from its neighbour.
+        introduced(&mut bus, 6, 0, &mut number);
+        assert!(changes(&introduced(&mut bus, 7, 0, &mut number)).is_empty());
+    }
 }

@@ -17,6 +17,9 @@ use crate::wire::canopen::ObjectAddress;
 const STORE: u16 = 0x1010;
 const RESTORE: u16 = 0x1011;
 
+/// Serial number (CiA 301 §7.5.2.19).
+const SERIAL_NUMBER: ObjectAddress = ObjectAddress::new(0x1018, 4);
+
 /// One value of one object in one transfer.
 #[derive(Clone, Copy)]
 struct Learnt<'a> {
@@ -48,6 +51,9 @@ impl Bus {
             _ => self.read(id, learnt, entry, frame, out),
         }
         self.introduce(id, object, frame, out);
+        if object == SERIAL_NUMBER {
+            self.join_by_serial(id, frame, out);
+        }
         self.device_saw_object(id, object, value, kind, frame, out);
         self.say_refused(frame, out);
     }
