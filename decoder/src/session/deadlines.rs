@@ -54,6 +54,7 @@ impl Bus {
     fn postpone(&mut self, delay: i64) {
         self.channels.postpone(delay);
         for node in &mut self.nodes {
+            node.behaviour.postpone(delay);
             if let Some(deadline) = &mut node.heartbeat.deadline {
                 *deadline = deadline.saturating_add(delay);
             }
@@ -67,7 +68,7 @@ impl Bus {
             match subject {
                 Subject::SdoChannel(channel) => self.sdo_deadline(channel, now, out),
                 Subject::Heartbeat(node) => self.heartbeat_deadline(node, now, out),
-                Subject::SetPoint(node) => self.sync_missing(node, out),
+                Subject::SetPoint(node) => self.sync_deadline(node, now, out),
             }
         }
     }

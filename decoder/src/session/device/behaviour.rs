@@ -44,6 +44,8 @@ pub(in crate::session) struct Behaviour {
     pub(super) emcy: Option<Moment<u16>>,
     pub(super) boot: Option<Moment<()>>,
     pub(super) sync: Option<Moment<()>>,
+    /// A deadline of set points that wait for SYNC is queued.
+    pub(super) sync_queued: bool,
 }
 
 impl Behaviour {
@@ -59,6 +61,13 @@ impl Behaviour {
         }
         self.words.push((object, raw));
         None
+    }
+
+    /// All traffic stopped for so long.
+    pub(in crate::session) fn postpone(&mut self, delay: i64) {
+        for point in &mut self.set_points {
+            point.postpone(delay);
+        }
     }
 
     /// Bytes held.
@@ -211,6 +220,7 @@ impl Bus {
         node.behaviour.boot = Some(Moment { what: (), frame: frame.number, time });
         node.behaviour.running.clear();
         node.behaviour.set_points.clear();
+        node.behaviour.sync_queued = false;
         node.behaviour.words.clear();
         for machine in &mut node.behaviour.machines {
             machine.is_old = true;

@@ -6,8 +6,8 @@ use crate::profile::device::{Condition, Gate, Otherwise};
 use crate::session::node::Node;
 use crate::wire::canopen::ObjectAddress;
 
-/// A SYNC this long ago still counts as coming, in nanoseconds.
-const SYNC_AGE: i64 = 2_000_000_000;
+/// A SYNC this long ago still counts as coming, and for so long a set point waits for one, in nanoseconds.
+pub(super) const SYNC_AGE: i64 = 1_000_000_000;
 
 /// How a gate stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

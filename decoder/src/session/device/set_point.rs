@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::behaviour::Moment;
-use super::gates::Subject;
+use super::gates::{SYNC_AGE, Subject};
 use super::plan::Plan;
 use crate::event::{Effective, EventKind, FrameRange, Quantity, SetPoint};
 use crate::frame::Frame;
@@ -13,9 +13,6 @@ use crate::session::node::Node;
 use crate::session::timers::Subject as Timer;
 use crate::session::{Bus, Observer};
 use crate::wire::canopen::ObjectAddress;
-
-/// Without a SYNC for this long a set point that waits for one is told as not acting, in nanoseconds.
-const SYNC_AWAITED: i64 = 1_000_000_000;
 
 /// Transmission types up to this one wait for SYNC (CiA 301 §7.5.2.35).
 const LAST_SYNCHRONOUS: u64 = 240;
@@ -31,6 +28,8 @@ pub(in crate::session) struct SetPointState {
     gates: Vec<String>,
     /// Value that waits for SYNC, and when it came.
     waiting: Option<(Value, Moment<()>)>,
+    /// It was told before its SYNC, which did not come in time.
+    late: bool,
     /// The layout of its PDO is a default, or may have changed unseen.
     assumed: bool,
 }
@@ -38,6 +37,13 @@ pub(in crate::session) struct SetPointState {
 impl SetPointState {
     pub(super) fn subject(&self) -> Subject {
         Subject { object: self.meaning.object, channel: self.meaning.channel, pdo: self.pdo }
+    }
+
+    /// All traffic stopped for so long: the time does not count.
+    pub(super) fn postpone(&mut self, delay: i64) {
+        if let Some((_, came)) = &mut self.waiting {
+            came.time = came.time.saturating_add(delay);
+        }
     }
 
     pub(super) fn title(&self) -> &str {
@@ -77,8 +83,15 @@ impl Bus {
             }
         }
         if waits {
-            self.timers.remove(Timer::SetPoint(id));
-            self.timers.add(moment.time.saturating_add(SYNC_AWAITED), Timer::SetPoint(id));
+            self.await_sync(id, moment.time.saturating_add(SYNC_AGE));
+        }
+    }
+
+    /// Queues a deadline unless one is queued: when it comes due it is asked again what waits.
+    fn await_sync(&mut self, id: u8, deadline: i64) {
+        let Some(node) = self.node_mut(id) else { return };
+        if !std::mem::replace(&mut node.behaviour.sync_queued, true) {
+            self.timers.add(deadline, Timer::SetPoint(id));
         }
     }
 
@@ -101,6 +114,7 @@ impl Bus {
             effective: None,
             gates: Vec::new(),
             waiting: None,
+            late: false,
             assumed: false,
         });
         Some(points.len() - 1)
@@ -122,16 +136,31 @@ impl Bus {
                     self.tell_set_point(id, place, value, came, frame, out);
                 }
             }
+            let Some(node) = self.node_mut(id) else { return };
+            let late = node.behaviour.set_points.iter_mut().map(|point| std::mem::take(&mut point.late));
+            if late.fold(false, |any, late| any | late) {
+                self.reassess(id, frame, out);
+            }
         }
     }
 
-    /// No SYNC came for set points that wait for one.
-    pub(in crate::session) fn sync_missing(&mut self, id: u8, out: &mut dyn Observer) {
-        let frame = Frame { number: self.last_frame, time: self.last_time, ..Frame::EMPTY };
-        let Some(count) = self.node(id).map(|node| node.behaviour.set_points.len()) else { return };
-        for place in 0..count {
-            let waiting = self.set_point_mut(id, place).and_then(|point| point.waiting.take());
-            if let Some((value, came)) = waiting {
+    /// A deadline of set points that wait for SYNC: those that waited long enough do not act.
+    pub(in crate::session) fn sync_deadline(&mut self, id: u8, now: i64, out: &mut dyn Observer) {
+        let Some(node) = self.node_mut(id) else { return };
+        node.behaviour.sync_queued = false;
+        for place in 0..node.behaviour.set_points.len() {
+            let Some(point) = self.set_point_mut(id, place) else { return };
+            let Some(came) = point.waiting.as_ref().map(|(_, came)| *came) else { continue };
+            let deadline = came.time.saturating_add(SYNC_AGE);
+            if deadline >= now {
+                self.await_sync(id, deadline);
+                continue;
+            }
+            if let Some((value, came)) = point.waiting.take() {
+                point.late = true;
+                // The deadline's own time, and the frame that waits as the evidence.
+                let time = self.clock.stamp_of(deadline);
+                let frame = Frame { number: came.frame, time, ..Frame::EMPTY };
                 self.tell_set_point(id, place, value, came, &frame, out);
             }
         }
@@ -246,5 +275,77 @@ impl Node {
                 kind.is_some_and(|kind| kind <= LAST_SYNCHRONOUS)
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::event::Event;
+    use crate::frame::{BusIndex, CanId, Timestamp};
+    use crate::profile::Catalogue;
+    use crate::session::{AssignedBy, Assignment, SessionOptions};
+
+    const PROFILE: &str = r#"
+        id = "acme-pump"
+        extends = ["cia301"]
+        [[object]]
+        index = 0x2000
+        name = "set point"
+        type = "INTEGER16"
+        role = "set-point"
+        [[pdo]]
+        pdo = "RPDO1"
+        mapping = "fixed"
+        effect = "at-sync"
+        fields = [{ object = "2000:00", bits = 16 }]
+        [[gate]]
+        name = "SYNC"
+        open = { sync = true }
+    "#;
+
+    /// Set points told of frames: milliseconds, identifier, data.
+    fn told(frames: &[(i64, u16, &[u8])]) -> Vec<(Option<i64>, String, &'static str, FrameRange)> {
+        let mut catalogue = Catalogue::default();
+        catalogue.add_text("pump.toml", PROFILE).unwrap();
+        let device = catalogue.device("acme-pump").unwrap();
+        let assignment = Assignment { bus: None, node: 2, device, by: AssignedBy::Option };
+        let options = SessionOptions { assignments: vec![assignment], ..SessionOptions::default() };
+        let mut bus = Bus::new(BusIndex(0), "can0", Arc::new(options));
+        let mut told = Vec::new();
+        for (number, (time, id, data)) in (1..).zip(frames) {
+            let mut frame = Frame::data_frame(CanId::standard(*id), data);
+            frame.number = number;
+            frame.time = Some(Timestamp(time * 1_000_000));
+            bus.push(&frame, &mut |event: &Event, _: &Bus| {
+                if let EventKind::SetPoint(point) = &event.kind {
+                    let time = event.time.map(|time| time.0 / 1_000_000);
+                    told.push((time, point.to.text.clone(), point.effective.name(), event.frames));
+                }
+            });
+        }
+        told
+    }
+
+    #[test]
+    fn a_set_point_acts_at_sync_or_is_told_not_to_a_second_after_it_came() {
+        let heartbeat: (u16, &[u8]) = (0x705, &[5]);
+        let mut frames: Vec<(i64, u16, &[u8])> = vec![
+            (0, 0x702, &[0]),
+            (10, 0x202, &[1, 0]),
+            (20, 0x080, &[]),
+            (500, 0x202, &[2, 0]),
+            (900, 0x202, &[3, 0]),
+        ];
+        // The bus goes on, without SYNC.
+        frames.extend((1..40).map(|step| (900 + step * 100, heartbeat.0, heartbeat.1)));
+        frames.push((5000, 0x080, &[]));
+        let told = told(&frames);
+        assert_eq!(told[0], (Some(20), "1".into(), "yes", FrameRange { first: 2, last: 3 }));
+        // 900 + 1000 ms: the value replaced before a SYNC never acted and is not told.
+        assert_eq!(told[1], (Some(1900), "3".into(), "no", FrameRange::one(5)));
+        // The SYNC comes after all.
+        assert_eq!(told[2], (Some(5000), "3".into(), "yes", FrameRange::one(45)));
+        assert_eq!(told.len(), 3);
     }
 }
