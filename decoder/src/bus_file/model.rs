@@ -9,7 +9,7 @@ use toml::Spanned;
 use super::value::{Value, bytes};
 use super::{AreaEntry, BIT_RATES, BusFile, ObjectValue, Settings};
 use crate::frame::CanId;
-use crate::profile::{Owner, PdoDirection, PdoName};
+use crate::profile::{Owner, PdoName};
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
 
@@ -237,7 +237,7 @@ impl Id {
             "none" => Owner::Unclassified,
             other => {
                 let unknown = || (self.service.span(), format!("'{other}' is no service: {SERVICES}"));
-                let name = pdo(other).ok_or_else(unknown)?;
+                let name: PdoName = other.parse().map_err(|_| unknown())?;
                 return needed.map(|node| Owner::Pdo(name, node));
             }
         };
@@ -246,14 +246,4 @@ impl Id {
             None => Ok(owner),
         }
     }
-}
-
-fn pdo(service: &str) -> Option<PdoName> {
-    let (direction, number) = match (service.strip_prefix("tpdo"), service.strip_prefix("rpdo")) {
-        (Some(number), _) => (PdoDirection::Transmit, number),
-        (None, Some(number)) => (PdoDirection::Receive, number),
-        (None, None) => return None,
-    };
-    let number = number.parse().ok().filter(|number| (1..=512).contains(number))?;
-    Some(PdoName { direction, number })
 }
