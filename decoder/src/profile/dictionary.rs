@@ -200,6 +200,16 @@ impl Object {
 }
 
 impl Entry {
+    /// When a write acts and whether it stays, where the device tells. A signature is a command, no value.
+    pub fn consequence(&self) -> (Option<Effect>, Option<&'static str>) {
+        if self.format == Format::Ascii {
+            return (None, None);
+        }
+        let effect = Some(self.effect).filter(|effect| *effect != Effect::Unknown);
+        let storage = Some(self.storage).filter(|storage| *storage != Storage::Unknown);
+        (effect, storage.map(Storage::persists))
+    }
+
     /// The raw number it holds as delivered; `$NODEID+0x200` is one where the node-ID is known.
     pub fn default_number(&self, node: Option<u8>) -> Option<i64> {
         match self.default.as_ref()? {

@@ -155,16 +155,14 @@ impl Bus {
         frame: &Frame,
         out: &mut dyn Observer,
     ) {
+        let (effect, persists) = entry.map_or((None, None), Entry::consequence);
         let change = ObjectChange {
             object: learnt.object,
             from,
             to: Some(learnt.value.to_vec()),
             origin: learnt.origin.kind.name(),
-            effect: entry.map(|entry| entry.effect).filter(|effect| *effect != Effect::Unknown),
-            persists: entry
-                .map(|entry| entry.storage)
-                .filter(|storage| *storage != Storage::Unknown)
-                .map(Storage::persists),
+            effect,
+            persists,
         };
         self.emit(frame, id, true, EventKind::ObjectChange(Box::new(change)), out);
     }

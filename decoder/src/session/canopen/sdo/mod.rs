@@ -18,8 +18,7 @@ use super::super::store::OriginKind;
 use crate::bus_file::encode;
 use crate::event::{Direction, EventKind, Outcome, SdoTransfer};
 use crate::frame::Frame;
-use crate::profile::object::Format;
-use crate::profile::{Effect, Storage};
+use crate::profile::{Effect, Entry};
 use crate::session::timers::Subject;
 use crate::session::{Bus, Observer};
 use crate::wire::Malformed;
@@ -149,11 +148,7 @@ impl Bus {
             transfer.direction == Some(Direction::Download) && transfer.outcome == Outcome::Complete;
         let object = transfer.object.filter(|_| is_write);
         let entry = object.and_then(|object| self.node(server)?.device().dictionary.find(object)?.entry);
-        // A signature is a command, no value.
-        let entry = entry.filter(|entry| entry.format != Format::Ascii);
-        let effect = entry.map(|entry| entry.effect).filter(|effect| *effect != Effect::Unknown);
-        let storage = entry.map(|entry| entry.storage).filter(|storage| *storage != Storage::Unknown);
-        (effect, storage.map(Storage::persists))
+        entry.map_or((None, None), Entry::consequence)
     }
 
     /// The transfer as an event; its data moves there.
