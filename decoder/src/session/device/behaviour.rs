@@ -107,8 +107,8 @@ impl Bus {
         let layout = Arc::clone(layout);
         let Some(device) = self.node(id).map(|node| Arc::clone(&node.device)) else { return };
         let (mut set_points, mut gates) = (false, false);
-        for place in &plan.fields {
-            let Some(field) = layout.fields.get(*place) else { continue };
+        for watched in &plan.fields {
+            let Some(field) = layout.fields.get(watched.place) else { continue };
             let (Some(meaning), Some(raw)) = (&field.meaning, field.extract(frame.data())) else { continue };
             if plan.commands {
                 self.commanded_by(id, &device, field.object, slot);
@@ -119,8 +119,11 @@ impl Bus {
                 continue;
             }
             set_points |= meaning.role == Some(Role::SetPoint) && name.direction == PdoDirection::Receive;
-            gates |= device.gates_on(field.object);
+            gates |= watched.is_gate;
             let changed = Changed { id, device: &device, field, meaning, before, raw };
+            if watched.decides {
+                self.sampled(&changed, frame);
+            }
             self.field_changed(&changed, frame, out);
         }
         if set_points {
@@ -137,9 +140,6 @@ impl Bus {
 
     fn field_changed(&mut self, changed: &Changed<'_>, frame: &Frame, out: &mut dyn Observer) {
         let object = changed.field.object;
-        if changed.device.decides(object) {
-            self.sampled(changed, frame);
-        }
         self.control_changed(changed);
         if changed.meaning.role == Some(Role::Mode) {
             self.mode_seen(changed.id, object, frame, out);
@@ -168,8 +168,8 @@ impl Bus {
         if !plan.once_an_occasion {
             return;
         }
-        for place in &plan.fields {
-            let Some(field) = layout.fields.get(*place) else { continue };
+        for watched in &plan.fields {
+            let Some(field) = layout.fields.get(watched.place) else { continue };
             let Some(raw) = field.extract(frame.data()) else { continue };
             self.bits_trigger(id, field.object, Some(0), raw, frame, out);
         }

@@ -6,11 +6,22 @@ use crate::profile::device::{Condition, Procedure, Trigger};
 use crate::profile::{Device, Layout, PdoDirection, PdoName, Role};
 use crate::wire::canopen::ObjectAddress;
 
+/// One field that is looked at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Watched {
+    /// Place in the layout.
+    pub(super) place: usize,
+    /// A gate looks at its object.
+    pub(super) is_gate: bool,
+    /// Its value decides how others are read.
+    pub(super) decides: bool,
+}
+
 /// What is looked at in the PDOs of one layout.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(in crate::session) struct Plan {
-    /// Places of the fields.
-    pub(super) fields: Vec<usize>,
+    /// The fields.
+    pub(super) fields: Vec<Watched>,
     /// Bits of these fields in the first eight bytes.
     pub(in crate::session) mask: u64,
     /// Looked at even if nothing changed: a procedure waits for this PDO.
@@ -59,7 +70,8 @@ impl Plan {
             let has_bits = field.meaning.as_deref().is_some_and(|meaning| meaning.bits.is_some());
             let matters = matches!(role, Some(Role::Control | Role::Status | Role::SetPoint | Role::Mode));
             if matters || has_bits || device.decides(field.object) || device.watches(field.object) {
-                plan.fields.push(place);
+                let (is_gate, decides) = (device.gates_on(field.object), device.decides(field.object));
+                plan.fields.push(Watched { place, is_gate, decides });
                 plan.mask |= bits(field.bit, field.bits);
             }
             plan.commands |= device.machines.iter().any(|it| it.control.object.object == field.object);

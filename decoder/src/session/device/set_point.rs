@@ -64,8 +64,8 @@ impl Bus {
     ) {
         let moment = Moment { what: (), frame: frame.number, time: self.clock.now() };
         let Some(waits) = self.node(id).map(|node| node.waits_for_sync(name)) else { return };
-        for place in &plan.fields {
-            let Some(field) = layout.fields.get(*place) else { continue };
+        for watched in &plan.fields {
+            let Some(field) = layout.fields.get(watched.place) else { continue };
             let Some(meaning) = field.meaning.as_ref().filter(|it| it.role == Some(Role::SetPoint)) else {
                 continue;
             };
