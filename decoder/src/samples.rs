@@ -109,7 +109,7 @@ impl Run<'_> {
             let object: ObjectAddress = object.parse().map_err(|error| format!("{object}: {error}"))?;
             let layout = pdo.layout.as_ref().ok_or_else(|| format!("{} has no layout", pdo.name))?;
             let mut signals = layout.signals(pdo.payload());
-            let signal = signals.find(|signal| signal.field.object == object);
+            let signal = signals.find(|signal| signal.field.object() == Some(object));
             let signal = signal.ok_or_else(|| format!("{object} is not in {}", pdo.name))?;
             Ok((signal.field.meaning.clone(), signal.value))
         };

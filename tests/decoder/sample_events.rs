@@ -242,12 +242,8 @@ fn messages() -> Vec<EventKind> {
     };
     let ready_commanded = Emergency { boot: Some(BootCause::Commanded { frame: 3 }), ..ready };
     let field = |sub, name: Option<&str>, bit, data_type| Field {
-        object: ObjectAddress::new(0x2001, sub),
         meaning: name.map(|name| Arc::new(meaning(name))),
-        bit,
-        bits: 8,
-        data_type,
-        is_typed: true,
+        ..Field::of_object(ObjectAddress::new(0x2001, sub), bit, 8, data_type)
     };
     let layout = Layout {
         fields: vec![field(0, Some("speed"), 0, DataType::Unsigned8), field(1, None, 8, DataType::Integer8)],

@@ -91,7 +91,7 @@ fn values(pdo: &Pdo) -> String {
         let unit = if number.parse::<f64>().is_ok() { unit } else { "" };
         let assumed = layout.assumed || meaning.is_some_and(|meaning| meaning.assumed);
         let doubt = if assumed { "?" } else { "" };
-        format!("{}={number}{unit}{doubt}", signal.field.object)
+        format!("{}={number}{unit}{doubt}", signal.field.id)
     });
     values.collect::<Vec<_>>().join(",")
 }
@@ -99,7 +99,7 @@ fn values(pdo: &Pdo) -> String {
 /// Raw values of a PDO: `0x2001:00=200`.
 fn signals(pdo: &Pdo) -> String {
     let Some(layout) = &pdo.layout else { return String::new() };
-    let signals = layout.signals(pdo.payload()).map(|it| format!("0x{}={}", it.field.object, it.raw));
+    let signals = layout.signals(pdo.payload()).map(|it| format!("0x{}={}", it.field.id, it.raw));
     signals.collect::<Vec<_>>().join(",")
 }
 

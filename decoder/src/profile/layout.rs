@@ -4,7 +4,7 @@
 //! layout and the payload can be understood later, and elsewhere, without the object store.
 
 use std::fmt;
-
+use std::ops::RangeInclusive;
 use std::str::FromStr;
 use std::sync::Arc;
 
@@ -90,17 +90,62 @@ impl<'de> serde::Deserialize<'de> for PdoName {
     }
 }
 
-/// One mapped object.
+/// What a signal is the value of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SignalId {
+    /// An object of the node; of a J1939 message of a profile its PGN and the parameter's number.
+    Object(ObjectAddress),
+    /// A suspect parameter (SAE J1939-71).
+    Spn(u32),
+    /// Only its name tells.
+    Name,
+}
+
+/// `6041:00`, `SPN 190`; nothing where only a name tells.
+impl fmt::Display for SignalId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Object(object) => write!(f, "{object}"),
+            Self::Spn(spn) => write!(f, "SPN {spn}"),
+            Self::Name => Ok(()),
+        }
+    }
+}
+
+/// In which order the bits of a field stand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum BitOrder {
+    /// The least significant first: CANopen, J1939, "Intel".
+    #[default]
+    LittleEndian,
+    /// The most significant first: "Motorola".
+    BigEndian,
+}
+
+/// When a multiplexed field is there.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Selector {
+    /// Place in the layout of the field that selects.
+    pub field: usize,
+    /// Its raw values that do.
+    pub values: Vec<RangeInclusive<u64>>,
+}
+
+/// One value within a payload.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Field {
-    /// Object the bits belong to.
-    pub object: ObjectAddress,
+    /// What the bits belong to.
+    pub id: SignalId,
     /// What its values mean, if known.
     pub meaning: Option<Arc<Meaning>>,
     /// First bit of the payload, counted from the least significant bit of byte 0.
     pub bit: u16,
     /// Width in bits, 1..=64.
     pub bits: u16,
+    /// Order of the bits.
+    pub order: BitOrder,
+    /// Only with these values of another field.
+    pub present: Option<Selector>,
     /// How the bits are read.
     pub data_type: DataType,
     /// Whether `data_type` is known rather than taken from the width.
@@ -154,7 +199,29 @@ impl Layout {
 }
 
 impl Field {
-    /// Name of the object, if known.
+    /// A value of an object whose bits stand as CANopen and J1939 order them; nothing more is known of it.
+    pub fn of_object(object: ObjectAddress, bit: u16, bits: u16, data_type: DataType) -> Self {
+        Self {
+            id: SignalId::Object(object),
+            meaning: None,
+            bit,
+            bits,
+            order: BitOrder::LittleEndian,
+            present: None,
+            data_type,
+            is_typed: false,
+        }
+    }
+
+    /// The object it is a value of, if it is one's.
+    pub const fn object(&self) -> Option<ObjectAddress> {
+        match self.id {
+            SignalId::Object(object) => Some(object),
+            SignalId::Spn(_) | SignalId::Name => None,
+        }
+    }
+
+    /// Its name, if known.
     pub fn name(&self) -> Option<&str> {
         self.meaning.as_deref().map(|meaning| meaning.name.as_str())
     }
@@ -178,7 +245,7 @@ mod tests {
     use super::*;
 
     fn field(bit: u16, bits: u16, data_type: DataType) -> Field {
-        Field { object: ObjectAddress::new(0x6000, 1), meaning: None, bit, bits, data_type, is_typed: true }
+        Field::of_object(ObjectAddress::new(0x6000, 1), bit, bits, data_type)
     }
 
     #[test]

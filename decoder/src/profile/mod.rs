@@ -29,7 +29,7 @@ pub use data_type::{DataType, Value};
 pub use device::Device;
 pub use dictionary::{Dictionary, Entry, Found, Object};
 pub use formula::formula;
-pub use layout::{Field, Layout, PdoDirection, PdoName, RawValue, Signal};
+pub use layout::{BitOrder, Field, Layout, PdoDirection, PdoName, RawValue, Selector, Signal, SignalId};
 pub use lookup::{
     Bits, CanErrors, Code, Codes, LssNames, abort_codes, can_errors, emcy_codes, error_register, fault_hints,
     lss,

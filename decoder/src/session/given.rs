@@ -226,6 +226,9 @@ mod tests {
             _ => None,
         });
         let layout = layout.unwrap();
-        assert_eq!((layout.origin, layout.fields[0].object), ("bus-file", ObjectAddress::new(0x6041, 0)));
+        assert_eq!(
+            (layout.origin, layout.fields[0].object()),
+            ("bus-file", Some(ObjectAddress::new(0x6041, 0)))
+        );
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{FieldValue, Fields, number_or_null};
 use crate::event::{Direction, Mode, Pdo, SdoTransfer};
-use crate::profile::{self, Device, Meaning, Value};
+use crate::profile::{self, Device, Field, Meaning, SignalId, Value};
 use crate::wire::canopen::ObjectAddress;
 
 pub(super) fn process_data(pdo: &Pdo, fields: &mut dyn Fields) {
@@ -25,7 +25,7 @@ pub(crate) fn signals(pdo: &Pdo, fields: &mut dyn Fields) {
     fields.open_list("signals");
     for signal in layout.signals(pdo.payload()) {
         fields.open("");
-        fields.field("id", FieldValue::Object(signal.field.object));
+        signal_id(signal.field.id, fields);
         fields.field("name", signal.field.name().map_or(FieldValue::Null, FieldValue::Text));
         fields.field("raw", FieldValue::Unsigned(signal.raw));
         match signal.field.meaning.as_deref() {
@@ -41,10 +41,22 @@ pub(crate) fn signals(pdo: &Pdo, fields: &mut dyn Fields) {
     fields.close_list();
     if usize::from(layout.bits.div_ceil(8)) > pdo.payload().len() {
         fields.open_list("missing");
-        for field in layout.missing(pdo.payload()) {
-            fields.field("", FieldValue::Object(field.object));
+        for object in layout.missing(pdo.payload()).filter_map(Field::object) {
+            fields.field("", FieldValue::Object(object));
         }
         fields.close_list();
+    }
+}
+
+/// The object, or the SPN.
+fn signal_id(id: SignalId, fields: &mut dyn Fields) {
+    match id {
+        SignalId::Object(object) => fields.field("id", FieldValue::Object(object)),
+        SignalId::Spn(spn) => {
+            fields.field("id", FieldValue::Null);
+            fields.field("spn", FieldValue::Unsigned(u64::from(spn)));
+        }
+        SignalId::Name => fields.field("id", FieldValue::Null),
     }
 }
 

@@ -118,12 +118,10 @@ fn field(object: ObjectAddress, bit: u16, bits: u16, resolver: &mut Resolver<'_>
     if let Some(meaning) = &mut meaning {
         meaning.data_type = same.or(narrowed).or(meaning.data_type);
     }
+    let data_type = same.or(narrowed).unwrap_or(DataType::unsigned(bits));
     Field {
-        object,
         meaning: meaning.map(Arc::new),
-        bit,
-        bits,
-        data_type: same.or(narrowed).unwrap_or(DataType::unsigned(bits)),
         is_typed: same.or(narrowed).is_some(),
+        ..Field::of_object(object, bit, bits, data_type)
     }
 }

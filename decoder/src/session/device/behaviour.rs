@@ -84,6 +84,7 @@ pub(super) struct Changed<'a> {
     pub(super) id: u8,
     pub(super) device: &'a Device,
     pub(super) field: &'a Field,
+    pub(super) object: ObjectAddress,
     pub(super) meaning: &'a Arc<Meaning>,
     pub(super) before: Option<u64>,
     pub(super) raw: u64,
@@ -111,16 +112,17 @@ impl Bus {
             let Some(field) = layout.fields.get(watched.place) else { continue };
             let (Some(meaning), Some(raw)) = (&field.meaning, field.extract(frame.data())) else { continue };
             if plan.commands {
-                self.commanded_by(id, &device, field.object, slot);
+                self.commanded_by(id, &device, watched.object, slot);
             }
             let Some(node) = self.node_mut(id) else { return };
-            let before = node.behaviour.note(field.object, raw);
+            let before = node.behaviour.note(watched.object, raw);
             if before == Some(raw) {
                 continue;
             }
             set_points |= meaning.role == Some(Role::SetPoint) && name.direction == PdoDirection::Receive;
             gates |= watched.is_gate;
-            let changed = Changed { id, device: &device, field, meaning, before, raw };
+            let object = watched.object;
+            let changed = Changed { id, device: &device, field, object, meaning, before, raw };
             if watched.decides {
                 self.sampled(&changed, frame);
             }
@@ -139,7 +141,7 @@ impl Bus {
     }
 
     fn field_changed(&mut self, changed: &Changed<'_>, frame: &Frame, out: &mut dyn Observer) {
-        let object = changed.field.object;
+        let object = changed.object;
         self.control_changed(changed);
         if changed.meaning.role == Some(Role::Mode) {
             self.mode_seen(changed.id, object, frame, out);
@@ -157,8 +159,8 @@ impl Bus {
         let Some(node) = self.node_mut(changed.id) else { return };
         let origin = Origin { kind: OriginKind::Pdo, frame: frame.number, time: frame.time };
         let bytes = bytes.get(..length).unwrap_or(&bytes);
-        if Arc::make_mut(&mut node.store).set(changed.field.object, bytes, origin).is_ok() {
-            self.routes.refresh_dependents(changed.id, changed.field.object);
+        if Arc::make_mut(&mut node.store).set(changed.object, bytes, origin).is_ok() {
+            self.routes.refresh_dependents(changed.id, changed.object);
         }
     }
 
@@ -171,7 +173,7 @@ impl Bus {
         for watched in &plan.fields {
             let Some(field) = layout.fields.get(watched.place) else { continue };
             let Some(raw) = field.extract(frame.data()) else { continue };
-            self.bits_trigger(id, field.object, Some(0), raw, frame, out);
+            self.bits_trigger(id, watched.object, Some(0), raw, frame, out);
         }
     }
 

@@ -13,9 +13,9 @@ impl Bus {
     /// Bits of a word changed; those of a state machine are told as its states.
     pub(super) fn bits_changed(&self, changed: &Changed<'_>, frame: &Frame, out: &mut dyn Observer) {
         let Some(bits) = changed.meaning.bits.as_deref() else { return };
-        let own = machine_bits(changed.device, changed.field.object);
+        let own = machine_bits(changed.device, changed.object);
         let mut event = BitsChanged {
-            object: changed.field.object,
+            object: changed.object,
             name: changed.meaning.short.clone().unwrap_or_else(|| changed.meaning.name.clone()),
             channel: changed.meaning.channel,
             set: Vec::new(),
@@ -74,7 +74,7 @@ impl Bus {
         }
         let mut resolver = node.resolver();
         let words = layout.fields.iter().filter_map(|field| {
-            let meaning = resolver.meaning(field.object).filter(|it| it.role == Some(Role::SetPoint))?;
+            let meaning = resolver.meaning(field.object()?).filter(|it| it.role == Some(Role::SetPoint))?;
             let unit = if meaning.unit.is_empty() { "raw" } else { &meaning.unit };
             let name = meaning.short.as_ref().unwrap_or(&meaning.name);
             Some(format!("word {} {name} in {unit}", field.bit / 16 + 1))

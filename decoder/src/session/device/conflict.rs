@@ -111,7 +111,7 @@ impl Bus {
     fn is_in_pdo(&self, id: u8, object: ObjectAddress) -> bool {
         self.routes.layouts().any(|(service, layout)| {
             matches!(service, Service::Pdo(_, node) if node == id)
-                && layout.fields.iter().any(|field| field.object == object)
+                && layout.fields.iter().any(|field| field.object() == Some(object))
         })
     }
 }

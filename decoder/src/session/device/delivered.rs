@@ -349,7 +349,7 @@ mod tests {
                 }
             });
             let layout = layout.unwrap();
-            (layout.origin, layout.assumed, layout.fields[0].object.index)
+            (layout.origin, layout.assumed, layout.fields[0].object().unwrap().index)
         };
         assert_eq!(layout(&mut bus), ("dcf", true, 0x2000));
         // The intervals tell the heartbeat time.

@@ -73,7 +73,7 @@ impl Bus {
     /// A control word changed.
     pub(super) fn control_changed(&mut self, changed: &Changed<'_>) {
         for (place, machine) in changed.device.machines.iter().enumerate() {
-            if machine.control.object.object != changed.field.object {
+            if machine.control.object.object != changed.object {
                 continue;
             }
             let Some(state) = self.machine_mut(changed.id, place) else { continue };
@@ -85,7 +85,7 @@ impl Bus {
     /// A status word changed.
     pub(super) fn status_changed(&mut self, changed: &Changed<'_>, frame: &Frame, out: &mut dyn Observer) {
         for (place, machine) in changed.device.machines.iter().enumerate() {
-            if machine.status.object.object == changed.field.object {
+            if machine.status.object.object == changed.object {
                 self.reported(changed, place, machine, frame, out);
             }
         }

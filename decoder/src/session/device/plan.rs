@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::profile::device::{Condition, Procedure, Trigger};
-use crate::profile::{Device, Layout, PdoDirection, PdoName, Role};
+use crate::profile::{Device, Field, Layout, PdoDirection, PdoName, Role};
 use crate::wire::canopen::ObjectAddress;
 
 /// One field that is looked at.
@@ -11,6 +11,8 @@ use crate::wire::canopen::ObjectAddress;
 pub(super) struct Watched {
     /// Place in the layout.
     pub(super) place: usize,
+    /// Its object.
+    pub(super) object: ObjectAddress,
     /// A gate looks at its object.
     pub(super) is_gate: bool,
     /// Its value decides how others are read.
@@ -66,15 +68,16 @@ impl Plan {
     pub(in crate::session) fn of(device: &Device, name: PdoName, layout: &Layout) -> Option<Self> {
         let mut plan = Self::default();
         for (place, field) in layout.fields.iter().enumerate() {
+            let Some(object) = field.object() else { continue };
             let role = field.meaning.as_deref().and_then(|meaning| meaning.role);
             let has_bits = field.meaning.as_deref().is_some_and(|meaning| meaning.bits.is_some());
             let matters = matches!(role, Some(Role::Control | Role::Status | Role::SetPoint | Role::Mode));
-            if matters || has_bits || device.decides(field.object) || device.watches(field.object) {
-                let (is_gate, decides) = (device.gates_on(field.object), device.decides(field.object));
-                plan.fields.push(Watched { place, is_gate, decides });
+            if matters || has_bits || device.decides(object) || device.watches(object) {
+                let (is_gate, decides) = (device.gates_on(object), device.decides(object));
+                plan.fields.push(Watched { place, object, is_gate, decides });
                 plan.mask |= bits(field.bit, field.bits);
             }
-            plan.commands |= device.machines.iter().any(|it| it.control.object.object == field.object);
+            plan.commands |= device.machines.iter().any(|it| it.control.object.object == object);
         }
         let waits = |trigger: &Trigger| *trigger == Trigger::Pdo(name);
         plan.triggers = device.procedures.iter().flat_map(Procedure::triggers).any(waits);
@@ -89,7 +92,7 @@ impl Plan {
         };
         plan.once_an_occasion = is_event
             && name.direction == PdoDirection::Transmit
-            && layout.fields.iter().any(|field| starts(field.object));
+            && layout.fields.iter().filter_map(Field::object).any(starts);
         plan.triggers |= plan.once_an_occasion;
         plan.commands &= name.direction == PdoDirection::Receive;
         (!plan.fields.is_empty() || plan.triggers).then_some(plan)

@@ -246,12 +246,8 @@ mod tests {
 
     fn layout() -> Arc<Layout> {
         let field = |bit, bits, data_type| Field {
-            object: ObjectAddress::new(0x6041, 0),
             meaning: Some(Arc::new(Meaning { name: "Statusword".into(), ..Meaning::default() })),
-            bit,
-            bits,
-            data_type,
-            is_typed: true,
+            ..Field::of_object(ObjectAddress::new(0x6041, 0), bit, bits, data_type)
         };
         let fields = vec![field(0, 16, DataType::Unsigned16), field(16, 32, DataType::Real32)];
         Arc::new(Layout { fields, bits: 48, origin: "wire", assumed: true, depends: Vec::new() })

@@ -83,19 +83,16 @@ mod tests {
     use crate::event::{EventKind, FrameRange, Protocol};
     use crate::frame::MAX_DATA;
     use crate::profile::{DataType, Layout, PdoDirection, PdoName};
+    use crate::wire::canopen::ObjectAddress;
 
     fn event(payload: [u8; 4]) -> Event {
         let field = |bit, role| Field {
-            object: crate::wire::canopen::ObjectAddress::new(0x6041, 0),
             meaning: Some(Arc::new(Meaning {
                 role: Some(role),
                 range: Some([-16384, 16384]),
                 ..Meaning::default()
             })),
-            bit,
-            bits: 16,
-            data_type: DataType::Integer16,
-            is_typed: true,
+            ..Field::of_object(ObjectAddress::new(0x6041, 0), bit, 16, DataType::Integer16)
         };
         let layout = Layout {
             fields: vec![field(0, Role::Status), field(16, Role::Actual)],

@@ -44,7 +44,7 @@ fn push_absent(layout: &Layout, payload: &[u8], needed: usize, out: &mut Vec<u8>
         let short = field.meaning.as_deref().map(|meaning| meaning.short.as_ref().unwrap_or(&meaning.name));
         let _ = match short {
             Some(name) => write!(out, "{separator}{name}"),
-            None => write!(out, "{separator}{}", field.object),
+            None => write!(out, "{separator}{}", field.id),
         };
         separator = ", ";
     }
@@ -91,9 +91,14 @@ fn push_meant(meaning: &Meaning, value: &Value, out: &mut Vec<u8>) {
 }
 
 fn push_plain(signal: &Signal<'_>, out: &mut Vec<u8>) {
-    push_code(out, u32::from(signal.field.object.index), 4);
-    out.push(b':');
-    push_code(out, u32::from(signal.field.object.sub), 2);
+    if let Some(object) = signal.field.object() {
+        push_code(out, u32::from(object.index), 4);
+        out.push(b':');
+        push_code(out, u32::from(object.sub), 2);
+    } else {
+        // Writing to a vector cannot fail.
+        let _ = write!(out, "{}", signal.field.id);
+    }
     out.push(b'=');
     match signal.value {
         Value::Unsigned(value) => push_decimal(out, value),
