@@ -171,7 +171,7 @@ fn profiles() -> Result<SessionOptions, Box<dyn std::error::Error>> {
     let catalogue = CATALOGUE.get_or_init(Catalogue::default);
     let assign = |(node, id): (u8, &str)| {
         let device = catalogue.device(id)?;
-        Ok(Assignment { bus: None, node, device, by: AssignedBy::Option })
+        Ok(Assignment { bus: None, node: node.into(), device, by: AssignedBy::Option })
     };
     let assignments = DEVICES.into_iter().map(assign).collect::<Result<_, ProfileError>>()?;
     Ok(SessionOptions { assignments, ..SessionOptions::default() })

@@ -20,6 +20,7 @@ use std::str::FromStr;
 
 use crate::frame::CanId;
 use crate::profile::{Owner, TextError};
+use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
 /// Slowest and fastest bit rate believed, in bit/s.
@@ -30,20 +31,20 @@ const BIT_RATES: std::ops::RangeInclusive<u32> = 1_000..=10_000_000;
 pub struct Settings {
     /// Bits a second.
     pub bit_rate: Option<u32>,
-    /// Names of nodes by node-ID.
-    pub names: Vec<(u8, String)>,
+    /// Names of nodes by node.
+    pub names: Vec<(NodeId, String)>,
     /// What identifiers mean.
     pub owners: Vec<(CanId, Owner)>,
-    /// Values of objects by node-ID.
-    pub objects: Vec<(u8, ObjectAddress, ObjectValue)>,
-    /// Profiles by node-ID.
-    pub devices: Vec<(u8, String)>,
-    /// EDS, DCF or XDD files by node-ID, relative to the bus file.
-    pub device_files: Vec<(u8, String)>,
-    /// What the maker's tool put into areas, by node-ID and name of the area.
-    pub areas: Vec<(u8, String, Vec<AreaEntry>)>,
-    /// Units chosen in the maker's tool, by node-ID.
-    pub units: Vec<(u8, ObjectAddress, String)>,
+    /// Values of objects by node.
+    pub objects: Vec<(NodeId, ObjectAddress, ObjectValue)>,
+    /// Profiles by node.
+    pub devices: Vec<(NodeId, String)>,
+    /// EDS, DCF or XDD files by node, relative to the bus file.
+    pub device_files: Vec<(NodeId, String)>,
+    /// What the maker's tool put into areas, by node and name of the area.
+    pub areas: Vec<(NodeId, String, Vec<AreaEntry>)>,
+    /// Units chosen in the maker's tool, by node.
+    pub units: Vec<(NodeId, ObjectAddress, String)>,
 }
 
 /// A value of an object.
@@ -108,7 +109,7 @@ impl BusFile {
     }
 
     /// Name of a node.
-    pub fn name<'a>(&'a self, bus: &'a str, node: u8) -> Option<&'a str> {
+    pub fn name<'a>(&'a self, bus: &'a str, node: NodeId) -> Option<&'a str> {
         let mut names = self.of(bus).flat_map(|settings| &settings.names);
         names.find(|(id, _)| *id == node).map(|(_, name)| name.as_str())
     }
@@ -119,41 +120,44 @@ impl BusFile {
     }
 
     /// Values of objects; of two for one object the last counts.
-    pub fn objects<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = &'a (u8, ObjectAddress, ObjectValue)> {
+    pub fn objects<'a>(
+        &'a self,
+        bus: &'a str,
+    ) -> impl Iterator<Item = &'a (NodeId, ObjectAddress, ObjectValue)> {
         self.of(bus).rev().flat_map(|settings| &settings.objects)
     }
 
     /// Units of objects.
-    pub fn units<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = &'a (u8, ObjectAddress, String)> {
+    pub fn units<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = &'a (NodeId, ObjectAddress, String)> {
         self.of(bus).rev().flat_map(|settings| &settings.units)
     }
 
     /// What fills an area of a node.
-    pub fn area<'a>(&'a self, bus: &'a str, node: u8, area: &'a str) -> Option<&'a [AreaEntry]> {
+    pub fn area<'a>(&'a self, bus: &'a str, node: NodeId, area: &'a str) -> Option<&'a [AreaEntry]> {
         let mut areas = self.of(bus).flat_map(|settings| &settings.areas);
         areas.find(|(id, name, _)| *id == node && name == area).map(|(_, _, list)| list.as_slice())
     }
 
     /// Names of the areas given for a node.
-    pub fn area_names<'a>(&'a self, bus: &'a str, node: u8) -> impl Iterator<Item = &'a str> {
+    pub fn area_names<'a>(&'a self, bus: &'a str, node: NodeId) -> impl Iterator<Item = &'a str> {
         let areas = self.of(bus).flat_map(|settings| &settings.areas);
         areas.filter(move |(id, ..)| *id == node).map(|(_, name, _)| name.as_str())
     }
 
     /// Profiles of nodes: bus (all if none), node-ID, profile; what holds everywhere first.
-    pub fn devices(&self) -> impl Iterator<Item = (Option<&str>, u8, &str)> {
+    pub fn devices(&self) -> impl Iterator<Item = (Option<&str>, NodeId, &str)> {
         self.placed(|settings| &settings.devices)
     }
 
     /// EDS, DCF and XDD files of nodes, alike.
-    pub fn device_files(&self) -> impl Iterator<Item = (Option<&str>, u8, &str)> {
+    pub fn device_files(&self) -> impl Iterator<Item = (Option<&str>, NodeId, &str)> {
         self.placed(|settings| &settings.device_files)
     }
 
     fn placed(
         &self,
-        list: impl Fn(&Settings) -> &Vec<(u8, String)>,
-    ) -> impl Iterator<Item = (Option<&str>, u8, &str)> {
+        list: impl Fn(&Settings) -> &Vec<(NodeId, String)>,
+    ) -> impl Iterator<Item = (Option<&str>, NodeId, &str)> {
         let buses = self.buses.iter().map(|(name, settings)| (Some(name.as_str()), settings));
         std::iter::once((None, &self.everywhere)).chain(buses).flat_map(move |(bus, settings)| {
             list(settings).iter().map(move |(node, what)| (bus, *node, what.as_str()))
@@ -167,6 +171,8 @@ mod tests {
     use crate::profile::{PdoDirection, PdoName};
     use crate::wire::canopen::sdo::Side;
 
+    const NODE: NodeId = NodeId::Canopen(5);
+    const PUMP: NodeId = NodeId::Canopen(63);
     const TPDO1: PdoName = PdoName { direction: PdoDirection::Transmit, number: 1 };
 
     #[test]
@@ -204,7 +210,7 @@ mod tests {
         );
         let file = file.unwrap();
         assert_eq!((file.bit_rate("can0"), file.bit_rate("can1")), (Some(250_000), None));
-        assert_eq!((file.name("can0", 5), file.name("can1", 5)), (Some("pump"), Some("any")));
+        assert_eq!((file.name("can0", NODE), file.name("can1", NODE)), (Some("pump"), Some("any")));
         let owners: Vec<_> = file.owners("can1").collect();
         assert_eq!(owners[0], (CanId::standard(0x1A0), Owner::Pdo(TPDO1, 5)));
         assert_eq!(owners[1], (CanId::extended(0x1A1), Owner::Sdo(Side::Client, 5)));
@@ -213,9 +219,9 @@ mod tests {
         let objects: Vec<_> = file.objects("can0").collect();
         assert_eq!(
             *objects[0],
-            (5, ObjectAddress::new(0x1A00, 1), ObjectValue::Bytes(vec![0x10, 0, 0x41, 0x60]))
+            (NODE, ObjectAddress::new(0x1A00, 1), ObjectValue::Bytes(vec![0x10, 0, 0x41, 0x60]))
         );
-        assert_eq!(*objects[1], (5, ObjectAddress::new(0x2000, 1), ObjectValue::Bytes(vec![1, 2, 3])));
+        assert_eq!(*objects[1], (NODE, ObjectAddress::new(0x2000, 1), ObjectValue::Bytes(vec![1, 2, 3])));
     }
 
     #[test]
@@ -231,9 +237,9 @@ mod tests {
             "#,
         )
         .unwrap();
-        assert_eq!(file.devices().collect::<Vec<_>>(), [(None, 63, "rexroth-vpcd")]);
-        assert_eq!(file.device_files().collect::<Vec<_>>(), [(Some("can1"), 63, "pump.eds")]);
-        let area = file.area("can0", 63, "tx_area").unwrap();
+        assert_eq!(file.devices().collect::<Vec<_>>(), [(None, PUMP, "rexroth-vpcd")]);
+        assert_eq!(file.device_files().collect::<Vec<_>>(), [(Some("can1"), PUMP, "pump.eds")]);
+        let area = file.area("can0", PUMP, "tx_area").unwrap();
         assert_eq!(area[1], AreaEntry { object: ObjectAddress::new(0x2C74, 0), bytes: 2 });
         assert_eq!(file.units("can0").next().unwrap().2, "mm");
         fails("[node.5]\ntx_area = [\"2F10\"]", "2:12: an entry of an area is written 2F10/4");

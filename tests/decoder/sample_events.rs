@@ -32,8 +32,8 @@ pub fn bus() -> Bus {
     catalogue.add_text("pump.toml", PROFILE).unwrap();
     let device = catalogue.device("acme-pump").unwrap();
     let options = SessionOptions {
-        node_names: vec![(2, "ABCD".into())],
-        assignments: vec![Assignment { bus: None, node: 2, device, by: AssignedBy::Option }],
+        node_names: vec![(2.into(), "ABCD".into())],
+        assignments: vec![Assignment { bus: None, node: 2.into(), device, by: AssignedBy::Option }],
         ..SessionOptions::default()
     };
     let mut decoder = Decoder::new(options);
@@ -51,7 +51,7 @@ pub fn event(kind: EventKind) -> Event {
         bus: BusIndex(0),
         frames: FrameRange { first: 3, last: 4 },
         protocol: Protocol::Canopen,
-        node: Some(2),
+        node: Some(2.into()),
         presumed: true,
         routine: false,
         kind,

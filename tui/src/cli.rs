@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use cobscope_decoder::query::Filter;
+use cobscope_decoder::wire::NodeId;
 
 use crate::select::Bound;
 
@@ -116,7 +117,7 @@ pub struct InputArgs {
     /// What is known of the buses: names of nodes, identifiers, bit rates, object values (TOML)
     #[arg(long, value_name = "FILE")]
     pub bus: Option<PathBuf>,
-    /// What a node is: 2=rexroth-sydfec, 0x20=danfoss-pve-ci:pveo, can0:5=my-device (repeatable)
+    /// What a node is: 2=rexroth-sydfec, can0:5=my-device, at a J1939 address sa:0x80=danfoss-pve-ci (repeatable)
     #[arg(long, value_name = "[BUS:]ID=PROFILE")]
     pub node: Vec<NodeArg>,
     /// Device file of a node, EDS, DCF, XDD or XDC: 5=pump.eds, can0:5=pump.dcf (repeatable)
@@ -273,13 +274,13 @@ pub enum ReportFormat {
     Json,
 }
 
-/// A node, with its bus if that matters, and what it is: `5`, `can0:5`, `5=rexroth-sydfec`.
+/// A node, with its bus if that matters, and what it is: `5`, `can0:5`, `sa:0x80`, `5=rexroth-sydfec`.
 #[derive(Debug, Clone)]
 pub struct NodeArg {
     /// Name of the bus.
     pub bus: Option<String>,
-    /// Node-ID, 1 to 127.
-    pub id: u8,
+    /// Node-ID or J1939 address.
+    pub id: NodeId,
     /// Profile and variant; without one the node is only chosen.
     pub profile: Option<String>,
 }
@@ -292,17 +293,16 @@ impl std::str::FromStr for NodeArg {
             Some((node, profile)) => (node, Some(profile.to_owned())),
             None => (text, None),
         };
-        let (bus, id) = match node.rsplit_once(':') {
-            Some((bus, id)) => (Some(bus.to_owned()), id),
-            None => (None, node),
-        };
-        let number = match id.strip_prefix("0x") {
-            Some(digits) => u8::from_str_radix(digits, 16).ok(),
-            None => id.parse().ok(),
-        };
-        match number {
-            Some(id @ 1..=127) => Ok(Self { bus, id, profile }),
-            _ => Err("expected a node-ID from 1 to 127, decimal or 0x…, as 5, 0x05 or can0:5"),
+        // The whole may be sa:0x80; a bus of that name would be sa:sa:0x80.
+        if let Ok(id) = node.parse() {
+            return Ok(Self { bus: None, id, profile });
+        }
+        let placed = node.split_once(':').and_then(|(bus, id)| Some((bus, id.parse().ok()?)));
+        match placed {
+            Some((bus, id)) => Ok(Self { bus: Some(bus.to_owned()), id, profile }),
+            None => Err(
+                "expected a node-ID, 1 to 127, or a J1939 address: 5, 0x05, can0:5, sa:0x80, can0:sa:0x80",
+            ),
         }
     }
 }

@@ -10,6 +10,7 @@ use super::value::{Value, bytes};
 use super::{AreaEntry, BIT_RATES, BusFile, ObjectValue, Settings};
 use crate::frame::CanId;
 use crate::profile::{Owner, PdoName};
+use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
 
@@ -114,7 +115,7 @@ fn settings(bit_rate: Option<Spanned<i64>>, nodes: Nodes, ids: Vec<Id>) -> Resul
         settings.bit_rate = Some(known.ok_or_else(wrong)?);
     }
     for (key, node) in nodes {
-        let id = node_key(key.get_ref()).ok_or_else(|| (key.span(), NODE_ID.to_owned()))?;
+        let id: NodeId = key.get_ref().parse().map_err(|message: &str| (key.span(), message.to_owned()))?;
         settings.names.extend(node.name.map(|name| (id, name)));
         settings.devices.extend(node.device.map(|device| (id, device)));
         settings.device_files.extend(node.eds.map(|file| (id, file)));
@@ -149,15 +150,6 @@ fn address(text: &Spanned<String>) -> Result<ObjectAddress, Wrong> {
 
 fn area_entry(text: &Spanned<String>) -> Result<AreaEntry, Wrong> {
     text.get_ref().parse().map_err(|message: &str| (text.span(), message.to_owned()))
-}
-
-/// A node-ID as the name of a table: `5` or `0x05`.
-fn node_key(key: &str) -> Option<u8> {
-    let id = match key.strip_prefix("0x") {
-        Some(digits) => u8::from_str_radix(digits, 16).ok(),
-        None => key.parse().ok(),
-    };
-    id.filter(|id| (1..=127).contains(id))
 }
 
 impl Object {

@@ -16,11 +16,11 @@ pub use transfer::{Abort, Crc, Direction, Mode, Outcome, Pdo, SdoTransfer};
 
 use crate::frame::{BusIndex, Frame, Timestamp};
 use crate::profile::Effect;
-use crate::wire::Malformed;
 use crate::wire::canopen::lss::Content;
 use crate::wire::canopen::nmt::NmtService;
 use crate::wire::canopen::{NmtState, ObjectAddress};
 use crate::wire::error_frame::ErrorFrame;
+use crate::wire::{Malformed, NodeId};
 
 /// First and last frame of something, numbered from 1 within a capture; 0 for "none".
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -45,6 +45,10 @@ pub enum Protocol {
     Can,
     /// CiA 301 and CiA 305.
     Canopen,
+    /// SAE J1939 and ISO 11783.
+    J1939,
+    /// ISO 15765-2 and ISO 14229.
+    Uds,
     /// Messages about the capture.
     Capture,
 }
@@ -60,8 +64,8 @@ pub struct Event {
     pub frames: FrameRange,
     /// Protocol.
     pub protocol: Protocol,
-    /// CANopen node-ID it is about, 1..=127.
-    pub node: Option<u8>,
+    /// Node it is about.
+    pub node: Option<NodeId>,
     /// Understood as CANopen without evidence that the bus is one.
     pub presumed: bool,
     /// Says nothing new: a repetition that a reader of changes need not see.

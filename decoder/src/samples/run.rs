@@ -77,9 +77,6 @@ impl Outcomes {
 
 /// The node is the device, and what is given is known of it.
 fn options(sample: &Sample, device: &Arc<Device>) -> Result<SessionOptions, String> {
-    if !(1..=127).contains(&sample.node) {
-        return Err(format!("node: {}: a node-ID is 1 to 127", sample.node));
-    }
     let mut settings = Settings::default();
     for (object, value) in &sample.given {
         let address = object.parse().map_err(|error| format!("given: {object}: {error}"))?;

@@ -15,6 +15,7 @@ use crate::frame::{BusIndex, CanId, Frame, FrameFlags, Timestamp};
 use crate::profile::Owner;
 use crate::wire::canopen::sdo::Side;
 use crate::wire::error_frame;
+use crate::wire::{NODE_PLACES, NodeId};
 
 /// Everything remembered about one bus. A clone is a checkpoint.
 #[derive(Debug, Clone)]
@@ -27,8 +28,8 @@ pub struct Bus {
     pub(super) timers: Timers,
     pub(super) routes: Routes,
     pub(super) nodes: Vec<Node>,
-    /// Place in `nodes` + 1 by node-ID, 0 = none.
-    pub(super) node_by_id: [u8; 128],
+    /// Place in `nodes` + 1 by [`NodeId::place`], 0 = none.
+    pub(super) node_by_id: Box<[u16; NODE_PLACES]>,
     pub(super) channels: Channels,
     pub(super) sync: SyncState,
     pub(super) lss: LssState,
@@ -36,7 +37,7 @@ pub struct Bus {
     /// Frame of the last reset of all nodes: it also means those that were not heard yet.
     pub(super) reset_all: Option<(u64, Restart)>,
     /// Last boot-up that nobody commanded: monotonic time and node-ID.
-    pub(super) last_boot: Option<(i64, u8)>,
+    pub(super) last_boot: Option<(i64, NodeId)>,
     /// Monotonic time at which the last silence of the bus ended.
     pub(super) silent_until: Option<i64>,
     /// Frames left undecoded, and those of 29 bits among them.
@@ -67,7 +68,7 @@ impl Bus {
             timers: Timers::default(),
             routes: Routes::default(),
             nodes: Vec::new(),
-            node_by_id: [0; 128],
+            node_by_id: Box::new([0; NODE_PLACES]),
             channels: Channels::default(),
             sync: SyncState::default(),
             lss: LssState::default(),
@@ -182,13 +183,13 @@ impl Bus {
             Owner::Nmt => Service::Nmt,
             Owner::Sync => Service::Sync,
             Owner::Time => Service::Time,
-            Owner::Emcy(node) => Service::Emcy(node),
-            Owner::Pdo(name, node) => Service::Pdo(name, node),
+            Owner::Emcy(node) => Service::Emcy(node.into()),
+            Owner::Pdo(name, node) => Service::Pdo(name, node.into()),
             Owner::Sdo(side, node) => match self.channels.default_channel(node) {
                 Some(channel) => Service::Sdo(side, channel),
                 None => Service::Unclassified,
             },
-            Owner::ErrorControl(node) => Service::ErrorControl(node),
+            Owner::ErrorControl(node) => Service::ErrorControl(node.into()),
             Owner::Lss(from_master) => Service::Lss(from_master),
         }
     }

@@ -5,6 +5,7 @@ use super::{Bus, Observer};
 use crate::event::{Event, EventKind, FrameRange, Protocol, Undecoded};
 use crate::frame::{CanId, Frame};
 use crate::wire::Malformed;
+use crate::wire::NodeId;
 
 impl Bus {
     /// A frame no service is decoded of.
@@ -68,13 +69,16 @@ impl Bus {
     pub(super) fn emit(
         &self,
         frame: &Frame,
-        node: u8,
+        node: impl Into<Option<NodeId>>,
         routine: bool,
         kind: EventKind,
         out: &mut dyn Observer,
     ) {
         let mut event = self.event(frame, kind);
-        event.node = (node != 0).then_some(node);
+        event.node = node.into();
+        if let Some(NodeId::J1939(_)) = event.node {
+            event.protocol = Protocol::J1939;
+        }
         event.routine = routine;
         out.event(&event, self);
     }
@@ -96,7 +100,7 @@ impl Bus {
     pub(super) fn malformed(
         &self,
         frame: &Frame,
-        node: u8,
+        node: impl Into<Option<NodeId>>,
         error: Malformed,
         reason: &'static str,
         out: &mut dyn Observer,

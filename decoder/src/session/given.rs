@@ -11,6 +11,7 @@ use crate::bus_file::{AreaEntry, ObjectValue, encode};
 use crate::frame::CanId;
 use crate::profile::device::PdoField;
 use crate::profile::{Owner, Reference};
+use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
 
@@ -62,7 +63,7 @@ impl Bus {
     }
 
     /// Takes a value the user gives; a number is as wide as its object.
-    fn give_object(&mut self, id: u8, address: ObjectAddress, value: &ObjectValue) {
+    fn give_object(&mut self, id: NodeId, address: ObjectAddress, value: &ObjectValue) {
         const ORIGIN: Origin = Origin { kind: OriginKind::BusFile, frame: 0, time: None };
         let Some(node) = self.node_mut(id) else { return };
         let bytes = match value {
@@ -207,7 +208,7 @@ mod tests {
             EventKind::Pdo(pdo) => Some((pdo.name, event.node)),
             _ => None,
         });
-        assert_eq!(pdos.collect::<Vec<_>>(), [(tpdo2, Some(7))]);
+        assert_eq!(pdos.collect::<Vec<_>>(), [(tpdo2, Some(7.into()))]);
     }
 
     #[test]

@@ -32,6 +32,7 @@ use std::sync::Arc;
 use crate::bus_file::BusFile;
 use crate::event::Event;
 use crate::profile::{Catalogue, Device};
+use crate::wire::NodeId;
 
 /// Data kept of one SDO transfer, in bytes.
 pub const TRANSFER_DATA_LIMIT: usize = 64 * 1024;
@@ -83,8 +84,8 @@ pub struct SessionOptions {
     pub protocol: ProtocolChoice,
     /// Nanoseconds after which an SDO transfer without a further frame counts as unanswered.
     pub sdo_silence: i64,
-    /// Names the user gave to nodes, by node-ID.
-    pub node_names: Vec<(u8, String)>,
+    /// Names the user gave to nodes.
+    pub node_names: Vec<(NodeId, String)>,
     /// What the user knows of the buses; it goes before everything learnt.
     pub bus_file: BusFile,
     /// All profiles.
@@ -98,8 +99,8 @@ pub struct SessionOptions {
 pub struct Assignment {
     /// Name of the bus; all buses if none.
     pub bus: Option<String>,
-    /// Node-ID.
-    pub node: u8,
+    /// The node.
+    pub node: NodeId,
     /// Device.
     pub device: Arc<Device>,
     /// Who says so.

@@ -9,6 +9,7 @@ use crate::event::{Certainty, StateCause};
 use crate::frame::{CanId, Timestamp};
 use crate::profile::device::PdoField;
 use crate::profile::{Device, Introduction, Meaning, PdoName, Resolver, plain_device};
+use crate::wire::NodeId;
 use crate::wire::canopen::emcy::ByteOrder;
 use crate::wire::canopen::{NmtState, ObjectAddress};
 
@@ -72,8 +73,8 @@ pub(super) struct Guarding {
 /// One node.
 #[derive(Debug, Clone)]
 pub struct Node {
-    /// Node-ID.
-    pub(super) id: u8,
+    /// The number it has.
+    pub(super) id: NodeId,
     /// Name the user gave it.
     pub(super) name: Option<Arc<str>>,
     /// NMT state; `None` = unknown.
@@ -161,7 +162,7 @@ impl AssignedBy {
 }
 
 impl Node {
-    pub(super) fn new(id: u8, name: Option<Arc<str>>) -> Self {
+    pub(super) fn new(id: NodeId, name: Option<Arc<str>>) -> Self {
         Self {
             id,
             name,
@@ -197,8 +198,8 @@ impl Node {
         }
     }
 
-    /// Node-ID, 1..=127.
-    pub fn id(&self) -> u8 {
+    /// Its number now.
+    pub fn id(&self) -> NodeId {
         self.id
     }
 
@@ -269,7 +270,7 @@ impl Node {
 
     /// What its objects mean, and the numbers they hold.
     pub(super) fn resolver(&self) -> Resolver<'_> {
-        Resolver::for_node(&self.device.dictionary, &*self.store, self.id)
+        Resolver::for_node(&self.device.dictionary, &*self.store, self.id.number())
     }
 
     /// Sets `attention` from the rest.

@@ -8,6 +8,7 @@ use super::routes::Service;
 use super::timers::Subject;
 use crate::frame::{BusIndex, CanId};
 use crate::profile::{Meaning, NothingKnown, Resolver, plain_device};
+use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
 
@@ -27,24 +28,24 @@ impl Bus {
         self.belief.is_believed()
     }
 
-    /// The node with this node-ID now.
-    pub fn node(&self, id: u8) -> Option<&Node> {
-        let place = *self.node_by_id.get(usize::from(id))?;
+    /// The node with this number now; a bare number is a CANopen node-ID.
+    pub fn node(&self, id: impl Into<NodeId>) -> Option<&Node> {
+        let place = *self.node_by_id.get(id.into().place())?;
         self.nodes.get(usize::from(place.checked_sub(1)?))
     }
 
-    /// All nodes in order of their node-ID.
+    /// All nodes in order of their numbers, CANopen first.
     pub fn nodes(&self) -> impl Iterator<Item = &Node> {
-        (1..=127).filter_map(|id| self.node(id))
+        NodeId::all().filter_map(|id| self.node(id))
     }
 
     /// All gates of all set points of a node that were seen, closed ones first.
-    pub fn gates(&self, node: u8) -> Vec<GateState> {
+    pub fn gates(&self, node: impl Into<NodeId>) -> Vec<GateState> {
         self.node(node).map_or_else(Vec::new, |node| node.gates(self.clock.now()))
     }
 
     /// What an object of a node means now; of one never heard what CiA 301 says.
-    pub(super) fn meaning(&self, id: u8, object: ObjectAddress) -> Option<Meaning> {
+    pub(super) fn meaning(&self, id: NodeId, object: ObjectAddress) -> Option<Meaning> {
         match self.node(id) {
             Some(node) => node.meaning(object),
             None => Resolver::new(&plain_device().dictionary, &NothingKnown).meaning(object),
@@ -60,9 +61,9 @@ impl Bus {
             Some(Service::Nmt) => "NMT".to_owned(),
             Some(Service::Sync) => "SYNC".to_owned(),
             Some(Service::Time) => "TIME".to_owned(),
-            Some(Service::Emcy(node)) => format!("EMCY of {node}"),
-            Some(Service::Pdo(name, node)) => format!("{name} of {node}"),
-            Some(Service::ErrorControl(node)) => format!("heartbeat, guarding of {node}"),
+            Some(Service::Emcy(node)) => format!("EMCY of {}", node.number()),
+            Some(Service::Pdo(name, node)) => format!("{name} of {}", node.number()),
+            Some(Service::ErrorControl(node)) => format!("heartbeat, guarding of {}", node.number()),
             Some(Service::Lss(true)) => "LSS master".to_owned(),
             Some(Service::Lss(false)) => "LSS slave".to_owned(),
             Some(Service::Sdo(side, channel)) => {
@@ -89,10 +90,10 @@ impl Bus {
             + self.nodes.iter().map(Node::footprint).sum::<usize>()
     }
 
-    /// The node with this node-ID, made if new.
+    /// The node with this number, made if new.
     #[inline]
-    pub(super) fn node_mut(&mut self, id: u8) -> Option<&mut Node> {
-        let place = match *self.node_by_id.get(usize::from(id))? {
+    pub(super) fn node_mut(&mut self, id: NodeId) -> Option<&mut Node> {
+        let place = match *self.node_by_id.get(id.place())? {
             0 => self.add_node(id)?,
             place => place,
         };
@@ -101,27 +102,27 @@ impl Bus {
 
     /// Makes a node; gives its place + 1.
     #[cold]
-    fn add_node(&mut self, id: u8) -> Option<u8> {
-        let place = u8::try_from(self.nodes.len() + 1).ok()?;
+    fn add_node(&mut self, id: NodeId) -> Option<u16> {
+        let place = u16::try_from(self.nodes.len() + 1).ok()?;
         let named = self.options.node_names.iter().find(|(named, _)| *named == id);
         let name = named.map(|(_, name)| name.as_str());
         let name = name.or_else(|| self.options.bus_file.name(&self.name, id));
         self.nodes.push(Node::new(id, name.map(Into::into)));
-        *self.node_by_id.get_mut(usize::from(id))? = place;
+        *self.node_by_id.get_mut(id.place())? = place;
         Some(place)
     }
 
     /// Gives a node another node-ID; the node that had it loses it. What was learnt of its identifiers
     /// stays with it, the defaults follow the node-ID.
-    pub(super) fn move_node(&mut self, from: u8, to: u8) {
-        let place = |bus: &Self, id: u8| bus.node_by_id.get(usize::from(id)).copied().unwrap_or(0);
+    pub(super) fn move_node(&mut self, from: NodeId, to: NodeId) {
+        let place = |bus: &Self, id: NodeId| bus.node_by_id.get(id.place()).copied().unwrap_or(0);
         let (moved, replaced) = (place(self, from), place(self, to));
         for (place, id) in [(moved, to), (replaced, from)] {
             if let Some(node) = usize::from(place).checked_sub(1).and_then(|place| self.nodes.get_mut(place))
             {
                 node.id = id;
             }
-            if let Some(slot) = self.node_by_id.get_mut(usize::from(id)) {
+            if let Some(slot) = self.node_by_id.get_mut(id.place()) {
                 *slot = place;
             }
         }

@@ -10,6 +10,7 @@ use super::device::Planned;
 use crate::event::{Event, EventKind, Pdo};
 use crate::frame::CanId;
 use crate::profile::{Layout, Owner, PdoName, connection_set};
+use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
 
@@ -23,14 +24,14 @@ pub(super) enum Service {
     Nmt,
     Sync,
     Time,
-    /// EMCY of a node-ID.
-    Emcy(u8),
-    /// PDO of a node-ID.
-    Pdo(PdoName, u8),
+    /// EMCY of a node.
+    Emcy(NodeId),
+    /// PDO of a node.
+    Pdo(PdoName, NodeId),
     /// A side of an SDO channel.
     Sdo(Side, u16),
-    /// Heartbeat, boot-up and guarding of a node-ID.
-    ErrorControl(u8),
+    /// Heartbeat, boot-up and guarding of a node.
+    ErrorControl(NodeId),
     /// LSS; `true` = from the master.
     Lss(bool),
 }
@@ -208,7 +209,7 @@ impl Routes {
     }
 
     /// Drops the prepared events of a PDO, so that its next one has the present layout.
-    pub(super) fn refresh_pdo(&mut self, name: PdoName, node: u8) {
+    pub(super) fn refresh_pdo(&mut self, name: PdoName, node: NodeId) {
         for slot in &mut self.slots {
             if slot.service == Service::Pdo(name, node) {
                 slot.pdo = None;
@@ -218,7 +219,7 @@ impl Routes {
 
     /// The same for PDOs of a node whose layout depends on an object. Of those without a layout nothing
     /// is known to depend on it: a mapping that becomes known refreshes them itself.
-    pub(super) fn refresh_dependents(&mut self, id: u8, object: ObjectAddress) {
+    pub(super) fn refresh_dependents(&mut self, id: NodeId, object: ObjectAddress) {
         for slot in &mut self.slots {
             let depends = matches!(slot.service, Service::Pdo(_, node) if node == id)
                 && slot.pdo.as_deref().is_some_and(|event| match &event.kind {
@@ -232,7 +233,7 @@ impl Routes {
     }
 
     /// The same for all PDOs of a node.
-    pub(super) fn refresh_pdos_of(&mut self, id: u8) {
+    pub(super) fn refresh_pdos_of(&mut self, id: NodeId) {
         for slot in &mut self.slots {
             if matches!(slot.service, Service::Pdo(_, node) if node == id) {
                 slot.pdo = None;

@@ -7,15 +7,17 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
+use crate::wire::NodeId;
+
 /// What has a deadline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Subject {
     /// Transfer of an SDO channel.
     SdoChannel(u16),
     /// Heartbeat of a node-ID.
-    Heartbeat(u8),
+    Heartbeat(NodeId),
     /// Set points of a node wait for SYNC.
-    SetPoint(u8),
+    SetPoint(NodeId),
 }
 
 /// Deadlines in monotonic nanoseconds.
@@ -74,15 +76,15 @@ mod tests {
     #[test]
     fn entries_come_out_in_order_and_only_when_due() {
         let mut timers = Timers::default();
-        timers.add(30, Subject::Heartbeat(3));
+        timers.add(30, Subject::Heartbeat(NodeId::Canopen(3)));
         timers.add(10, Subject::SdoChannel(1));
         assert!(!timers.is_due(10) && timers.is_due(11));
         assert_eq!(timers.take_due(31), Some((10, Subject::SdoChannel(1))));
         assert_eq!(timers.take_due(30), None);
-        assert_eq!(timers.take_due(31), Some((30, Subject::Heartbeat(3))));
+        assert_eq!(timers.take_due(31), Some((30, Subject::Heartbeat(NodeId::Canopen(3)))));
         assert_eq!(timers.take_due(i64::MAX), None);
         timers.add(10, Subject::SdoChannel(1));
-        timers.add(20, Subject::Heartbeat(3));
+        timers.add(20, Subject::Heartbeat(NodeId::Canopen(3)));
         timers.remove(Subject::SdoChannel(1));
         assert!(!timers.is_due(20) && timers.is_due(21));
     }

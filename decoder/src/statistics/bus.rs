@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use super::{Intervals, Load, MOST_IDS, NodeStatistics};
 use crate::event::{Event, EventKind};
 use crate::frame::{CanId, Frame, FrameFlags};
+use crate::wire::NodeId;
 use crate::wire::canopen::nmt::NmtService;
 
 /// One identifier.
@@ -43,7 +44,7 @@ pub struct BusStatistics {
     /// Load.
     pub load: Load,
     /// Nodes by node-ID.
-    pub nodes: BTreeMap<u8, NodeStatistics>,
+    pub nodes: BTreeMap<NodeId, NodeStatistics>,
     /// The NMT master and SYNC producer.
     pub master: MasterStatistics,
     /// Frames no protocol explains.

@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 
 use super::SHOWN;
 use crate::event::{Direction, Event, EventKind, Outcome, StateCause};
+use crate::wire::NodeId;
 
 /// Bytes kept of the data of a transfer.
 const DATA: usize = 256;
@@ -12,7 +13,7 @@ const DATA: usize = 256;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Reach {
     /// One node.
-    Node(u8),
+    Node(NodeId),
     /// The whole bus.
     Bus,
 }
@@ -21,7 +22,7 @@ pub(super) enum Reach {
 pub(super) fn reach(event: &Event) -> Option<Reach> {
     let is_told = match &event.kind {
         EventKind::NmtCommand { target, .. } => {
-            return Some(if *target == 0 { Reach::Bus } else { Reach::Node(*target) });
+            return Some(if *target == 0 { Reach::Bus } else { Reach::Node((*target).into()) });
         }
         EventKind::CanError(_) | EventKind::BusSilent { .. } | EventKind::LostFrames { .. } => {
             return Some(Reach::Bus);

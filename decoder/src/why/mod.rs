@@ -28,6 +28,7 @@ use crate::event::Event;
 use crate::frame::BusIndex;
 use crate::profile::Catalogue;
 use crate::session::{Bus, Node, Observer};
+use crate::wire::NodeId;
 use check::Ground;
 use watch::BusWatch;
 
@@ -52,7 +53,7 @@ pub struct Chosen {
     /// Name of the bus.
     pub bus: Option<String>,
     /// Node-ID.
-    pub node: u8,
+    pub node: NodeId,
 }
 
 impl Chosen {
@@ -93,7 +94,7 @@ pub struct Report {
     /// Buses that are not taken for CANopen, and why.
     pub doubts: Vec<(BusIndex, String)>,
     /// Node-IDs heard of, where the node asked for is not among them.
-    pub others: Option<Vec<u8>>,
+    pub others: Option<Vec<NodeId>>,
 }
 
 impl Observer for Why {
@@ -200,7 +201,7 @@ impl Why {
         &self,
         buses: &[Bus],
         index: BusIndex,
-        node: Option<u8>,
+        node: Option<NodeId>,
         behind: u64,
     ) -> (Vec<Event>, Vec<NodeState>, Vec<Quiet>) {
         let node = node.or(self.question.chosen.as_ref().map(|chosen| chosen.node));
@@ -229,7 +230,7 @@ impl Why {
     }
 
     /// Of the node at fault or asked for, else of all without a profile.
-    fn suggestions(&self, buses: &[Bus], node: Option<u8>, catalogue: &Catalogue) -> Vec<Suggestion> {
+    fn suggestions(&self, buses: &[Bus], node: Option<NodeId>, catalogue: &Catalogue) -> Vec<Suggestion> {
         let wanted = node.or(self.question.chosen.as_ref().map(|chosen| chosen.node));
         let mut found = Vec::new();
         let mut asked = 0;
@@ -247,7 +248,7 @@ impl Why {
     }
 
     /// The nodes there are, where the one asked for is not among them.
-    fn others(&self, buses: &[Bus]) -> Option<Vec<u8>> {
+    fn others(&self, buses: &[Bus]) -> Option<Vec<NodeId>> {
         let chosen = self.question.chosen.as_ref()?;
         let there = || buses.iter().filter(|bus| chosen.is_on(bus));
         let is_there = there().any(|bus| bus.node(chosen.node).is_some_and(|node| node.last_seen().0 > 0));

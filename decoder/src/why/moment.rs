@@ -7,6 +7,7 @@ use super::fault::{FaultKind, Grade};
 use super::state::NodeState;
 use crate::event::{Event, EventKind};
 use crate::frame::{BusIndex, Timestamp};
+use crate::wire::NodeId;
 
 /// Faults within this time are one, in nanoseconds.
 const TOGETHER: i64 = 20_000_000;
@@ -40,7 +41,7 @@ pub struct Moment {
     /// Where.
     pub bus: BusIndex,
     /// The node of the first fault; none where it is the bus.
-    pub node: Option<u8>,
+    pub node: Option<NodeId>,
     /// Faults and what follows from them, in order.
     pub events: Vec<Event>,
     /// Further ones that are not kept.

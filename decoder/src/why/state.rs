@@ -3,6 +3,7 @@
 use crate::event::{Effective, SetPoint};
 use crate::frame::BusIndex;
 use crate::session::{Bus, GateState, GateStatus, NmtStatus, Node};
+use crate::wire::NodeId;
 
 /// How a node stands.
 #[derive(Debug, Clone)]
@@ -10,7 +11,7 @@ pub struct NodeState {
     /// Its bus.
     pub bus: BusIndex,
     /// Its node-ID.
-    pub node: u8,
+    pub node: NodeId,
     /// NMT state, if known.
     pub nmt: Option<NmtStatus>,
     /// States the device reports, with the number of the output where there are several.
@@ -36,7 +37,7 @@ pub struct PointState {
 
 impl NodeState {
     /// How a node stands now, with the set points seen of it.
-    pub(super) fn now(bus: &Bus, id: u8, points: &[SetPoint]) -> Self {
+    pub(super) fn now(bus: &Bus, id: NodeId, points: &[SetPoint]) -> Self {
         let node = bus.node(id);
         let states = node.into_iter().flat_map(Node::device_states);
         let gates = bus.gates(id);

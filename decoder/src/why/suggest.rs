@@ -3,6 +3,7 @@
 use crate::frame::BusIndex;
 use crate::profile::device::{Hint, Sign};
 use crate::profile::{Catalogue, PdoName};
+use crate::wire::NodeId;
 
 /// PDOs whose length is remembered of a node.
 const PDOS: usize = 16;
@@ -22,7 +23,7 @@ pub struct Suggestion {
     /// Bus of the node.
     pub bus: BusIndex,
     /// The node.
-    pub node: u8,
+    pub node: NodeId,
     /// Id of the profile.
     pub profile: String,
     /// What output calls the device.
@@ -55,7 +56,7 @@ impl Signs {
     }
 
     /// Profiles with a hint that fits and none that does not.
-    pub(super) fn suggestions(&self, bus: BusIndex, node: u8, catalogue: &Catalogue) -> Vec<Suggestion> {
+    pub(super) fn suggestions(&self, bus: BusIndex, node: NodeId, catalogue: &Catalogue) -> Vec<Suggestion> {
         let devices = catalogue.ids().into_iter().filter_map(|id| catalogue.device(&id).ok());
         let mut found = Vec::new();
         for device in devices {
@@ -85,7 +86,7 @@ mod tests {
         for (name, length) in pdos {
             signs.pdo(name.parse().unwrap(), *length);
         }
-        let found = signs.suggestions(BusIndex(0), 2, &Catalogue::default());
+        let found = signs.suggestions(BusIndex(0), 2.into(), &Catalogue::default());
         found.into_iter().map(|suggestion| suggestion.profile).collect()
     }
 

@@ -12,6 +12,7 @@ use crate::frame::{BusIndex, Timestamp};
 use crate::session::{Bus, GateState, GateStatus};
 use crate::sink::escape;
 use crate::sink::text::{PdoLines, Text, TextOptions};
+use crate::wire::NodeId;
 
 /// What the text needs besides the answer.
 #[derive(Debug, Clone, Copy)]
@@ -64,9 +65,9 @@ impl Page<'_> {
     }
 
     /// `node 32/20 boom (PVEA, danfoss-pve-ci)`.
-    fn node(&self, index: BusIndex, id: u8) -> String {
+    fn node(&self, index: BusIndex, id: NodeId) -> String {
         let node = self.bus(index).and_then(|bus| bus.node(id));
-        let mut text = format!("node {id}/{id:02X}");
+        let mut text = id.words();
         if let Some(name) = node.and_then(|node| node.name()) {
             let _ = write!(text, " {name}");
         }
@@ -93,9 +94,9 @@ impl Page<'_> {
             None => "in this capture".into(),
         };
         if let (Some(others), Some(chosen)) = (&report.others, &report.question.chosen) {
-            let others: Vec<_> = others.iter().map(u8::to_string).collect();
+            let others: Vec<_> = others.iter().map(ToString::to_string).collect();
             let others = if others.is_empty() { "none".into() } else { others.join(", ") };
-            self.line(0, &format!("node {0}/{0:02X} is not heard {end}; nodes heard: {others}", chosen.node));
+            self.line(0, &format!("{} is not heard {end}; nodes heard: {others}", chosen.node.words()));
         }
         let Some(moment) = &report.moment else {
             return self.line(0, &format!("no fault {end}"));
@@ -262,9 +263,7 @@ impl Page<'_> {
             let because = because.join("; ");
             self.line(
                 1,
-                &format!(
-                    "node {node}/{node:02X} behaves like {title}: --node {place}{node}={profile} ({because})"
-                ),
+                &format!("{} behaves like {title}: --node {place}{node}={profile} ({because})", node.words()),
             );
         }
     }

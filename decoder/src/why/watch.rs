@@ -12,6 +12,7 @@ use crate::event::{Effective, Event, EventKind, SetPoint};
 use crate::frame::{BusIndex, Timestamp};
 use crate::profile::PdoDirection;
 use crate::session::Bus;
+use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 
 /// Set points kept of a node.
@@ -44,7 +45,7 @@ pub(super) struct NodeWatch {
 /// A set point that does not act.
 #[derive(Debug, Clone)]
 struct Idle {
-    node: u8,
+    node: NodeId,
     point: SetPoint,
     /// Its beginning, until it is judged.
     moment: Option<Moment>,
@@ -57,14 +58,14 @@ pub(super) struct BusWatch {
     /// The latest fault is asked for, not the first.
     latest: bool,
     /// The only node that is asked for.
-    chosen: Option<u8>,
+    chosen: Option<NodeId>,
     sequence: u64,
     time: Option<Timestamp>,
     changes: Changes,
     /// When all nodes were commanded last.
     commanded: Option<Timestamp>,
     beats: Beats,
-    nodes: BTreeMap<u8, NodeWatch>,
+    nodes: BTreeMap<NodeId, NodeWatch>,
     idle: Vec<Idle>,
     /// Still gathers what belongs to it.
     open: Option<Moment>,
@@ -75,7 +76,7 @@ pub(super) struct BusWatch {
 }
 
 impl BusWatch {
-    pub(super) fn new(index: BusIndex, latest: bool, chosen: Option<u8>) -> Self {
+    pub(super) fn new(index: BusIndex, latest: bool, chosen: Option<NodeId>) -> Self {
         Self {
             index,
             latest,
@@ -139,7 +140,7 @@ impl BusWatch {
         event.time.zip(command).is_some_and(|(time, command)| time.since(command) <= SETTLING)
     }
 
-    fn node(&mut self, id: u8) -> &mut NodeWatch {
+    fn node(&mut self, id: NodeId) -> &mut NodeWatch {
         self.nodes.entry(id).or_default()
     }
 
@@ -148,7 +149,7 @@ impl BusWatch {
         match event.kind {
             EventKind::Sync { .. } => self.beats.came(Rhythm::Sync, event.time, event.frames.last),
             EventKind::NmtCommand { target: 0, .. } => self.commanded = event.time,
-            EventKind::NmtCommand { target, .. } => self.node(target).commanded = event.time,
+            EventKind::NmtCommand { target, .. } => self.node(target.into()).commanded = event.time,
             _ => {}
         }
         let Some(id) = event.node else { return false };
@@ -206,7 +207,7 @@ impl BusWatch {
     }
 
     /// A moment with what was before it.
-    fn begin(&self, kind: FaultKind, event: &Event, node: Option<u8>) -> Moment {
+    fn begin(&self, kind: FaultKind, event: &Event, node: Option<NodeId>) -> Moment {
         let mut moment = Moment::new(kind, event, self.sequence);
         moment.before = self.changes_of(node.or(self.chosen), 0);
         moment.quiet = self.quiet(node.or(self.chosen), event.time);
@@ -295,20 +296,20 @@ impl BusWatch {
     }
 
     /// Changes of a node and of the bus behind an event, oldest first.
-    pub(super) fn changes_of(&self, node: Option<u8>, behind: u64) -> Vec<Event> {
+    pub(super) fn changes_of(&self, node: Option<NodeId>, behind: u64) -> Vec<Event> {
         let node = node.and_then(|id| self.nodes.get(&id)).map(|node| &node.changes);
         Changes::last(node.into_iter().chain([&self.changes]), behind)
     }
 
     /// What had a beat and is silent.
-    pub(super) fn quiet(&self, node: Option<u8>, now: Option<Timestamp>) -> Vec<Quiet> {
+    pub(super) fn quiet(&self, node: Option<NodeId>, now: Option<Timestamp>) -> Vec<Quiet> {
         let node = node.and_then(|id| self.nodes.get(&id));
         let own = node.into_iter().flat_map(|node| node.beats.quiet(now));
         self.beats.quiet(now).chain(own).collect()
     }
 
     /// How a node stands now.
-    pub(super) fn state(&self, bus: &Bus, id: u8) -> NodeState {
+    pub(super) fn state(&self, bus: &Bus, id: NodeId) -> NodeState {
         let points = self.nodes.get(&id).map_or(&[][..], |node| &node.points);
         NodeState::now(bus, id, points)
     }
@@ -324,7 +325,7 @@ impl BusWatch {
     }
 
     /// Nodes heard of.
-    pub(super) fn nodes(&self) -> impl Iterator<Item = (u8, &NodeWatch)> {
+    pub(super) fn nodes(&self) -> impl Iterator<Item = (NodeId, &NodeWatch)> {
         self.nodes.iter().map(|(id, node)| (*id, node))
     }
 }

@@ -6,6 +6,9 @@
 
 pub mod canopen;
 pub mod error_frame;
+mod node_id;
+
+pub use node_id::{NODE_PLACES, NodeId};
 
 /// Bytes that are too few for what they should be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

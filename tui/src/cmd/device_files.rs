@@ -11,6 +11,7 @@ use cobscope_decoder::bus_file::BusFile;
 use cobscope_decoder::profile::device_file::{self, DeviceFile};
 use cobscope_decoder::profile::{Catalogue, Device, imported};
 use cobscope_decoder::session::{AssignedBy, Assignment};
+use cobscope_decoder::wire::NodeId;
 
 use super::input::warn;
 use crate::cli::{FileArg, InputArgs};
@@ -82,7 +83,7 @@ struct Reader {
 }
 
 impl Reader {
-    fn device(&mut self, path: &Path, node: u8) -> anyhow::Result<Arc<Device>> {
+    fn device(&mut self, path: &Path, node: NodeId) -> anyhow::Result<Arc<Device>> {
         let device = if let Some(device) = self.devices.get(path) {
             Arc::clone(device)
         } else {
@@ -93,7 +94,7 @@ impl Reader {
             device
         };
         let own = device.file.as_ref().and_then(|import| import.file.node_id);
-        if let Some(own) = own.filter(|own| *own != node) {
+        if let Some(own) = own.filter(|own| node != NodeId::Canopen(*own)) {
             warn(&format!("{}: is of node {own}, and is used for node {node}", path.display()));
         }
         Ok(device)

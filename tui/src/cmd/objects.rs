@@ -100,7 +100,7 @@ fn tell(bus: &Bus, arguments: &ObjectsArgs, first: Option<Timestamp>, capture: &
 /// `node 2/02 pump on can0`.
 pub(super) fn label(bus: &Bus, node: &Node) -> String {
     let name = node.name().map_or(String::new(), |name| format!(" {}", escape(name)));
-    format!("node {0}/{0:02X}{name} on {1}", node.id(), escape(bus.name()))
+    format!("{}{name} on {}", node.id().words(), escape(bus.name()))
 }
 
 fn overview(bus: &Bus, node: &Node, format: ReportFormat, capture: &str, output: &mut String) {
@@ -110,7 +110,8 @@ fn overview(bus: &Bus, node: &Node, format: ReportFormat, capture: &str, output:
             writeln!(output, "{}: {count} objects (--node {})", label(bus, node), node.id())
         }
         ReportFormat::Json => {
-            let record = json!({"capture": capture, "bus": bus.name(), "node": node.id(), "objects": count});
+            let record =
+                json!({"capture": capture, "bus": bus.name(), "node": node.id().number(), "objects": count});
             writeln!(output, "{record}")
         }
     };
@@ -186,7 +187,7 @@ fn record(bus: &Bus, node: &Node, object: ObjectAddress, entry: &Entry, capture:
     json!({
         "capture": capture,
         "bus": bus.name(),
-        "node": node.id(),
+        "node": node.id().number(),
         "object": format!("0x{object}"),
         "name": known.as_ref().map(|known| &known.name),
         "value": value,

@@ -9,6 +9,7 @@ use cobscope_decoder::profile::device_file::{Access, DeviceFile, DeviceObject};
 use cobscope_decoder::profile::{DataType, Value};
 use cobscope_decoder::session::{Bus, Entry, Node};
 use cobscope_decoder::sink::escape;
+use cobscope_decoder::wire::NodeId;
 use serde_json::json;
 
 use super::device_files;
@@ -23,7 +24,7 @@ pub(super) struct Want {
     file: Arc<DeviceFile>,
     name: String,
     bus: Option<String>,
-    node: u8,
+    node: NodeId,
     format: ReportFormat,
 }
 
@@ -43,7 +44,7 @@ impl Want {
         let wants = file.objects.iter().any(|object| object.value.is_some());
         anyhow::ensure!(wants, "{shown}: wants nothing: an EDS has no values, a DCF does");
         let chosen = arguments.input.node.iter().find(|node| node.profile.is_none());
-        let Some(node) = chosen.map(|node| node.id).or(file.node_id) else {
+        let Some(node) = chosen.map(|node| node.id).or(file.node_id.map(NodeId::Canopen)) else {
             anyhow::bail!("{shown}: does not say of which node it is: add --node");
         };
         Ok(Self {
@@ -74,7 +75,7 @@ impl Want {
             }
         }
         if !found && self.format == ReportFormat::Text {
-            let _ = writeln!(output, "node {0}/{0:02X} was not seen", self.node);
+            let _ = writeln!(output, "{} was not seen", self.node.words());
         }
     }
 
@@ -82,7 +83,7 @@ impl Want {
     fn compared<'a>(&'a self, node: &'a Node) -> impl Iterator<Item = Compared<'a>> {
         let objects = self.file.objects.iter().filter(|object| !COMMANDS.contains(&object.address.index));
         objects.filter_map(|object| {
-            let wanted = object.wanted(self.node)?;
+            let wanted = object.wanted(self.node.number())?;
             Some(Compared { object, wanted, is: node.store().seen(object.address) })
         })
     }
@@ -119,7 +120,7 @@ impl Want {
             let record = json!({
                 "capture": capture,
                 "bus": bus.name(),
-                "node": node.id(),
+                "node": node.id().number(),
                 "object": format!("0x{}", compared.object.address),
                 "name": node.meaning(compared.object.address).map(|meaning| meaning.name),
                 "result": compared.result().name(),

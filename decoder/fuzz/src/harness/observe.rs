@@ -4,6 +4,7 @@ use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::session::{Bus, Observer};
 use cobscope_decoder::sink::jsonl::Jsonl;
 use cobscope_decoder::sink::text::{PdoLines, Text, TextOptions};
+use cobscope_decoder::wire::NodeId;
 
 /// What our own colours look like.
 const COLOURS: &[&str] = &["\x1b[2m", "\x1b[31m", "\x1b[32m", "\x1b[33m", "\x1b[0m"];
@@ -117,7 +118,7 @@ impl Observer for Checker {
         let frames = event.frames;
         assert!(frames.first <= frames.last, "{event:?}");
         assert!(frames.last <= self.last_frame, "{event:?} after frame {}", self.last_frame);
-        assert!(event.node.is_none_or(|node| (1..=127).contains(&node)), "{event:?}");
+        assert!(event.node.is_none_or(NodeId::is_valid), "{event:?}");
         self.events += 1;
         if let EventKind::Evicted { what, .. } = &event.kind {
             self.evicted.push(what);

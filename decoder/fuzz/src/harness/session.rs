@@ -50,9 +50,9 @@ pub fn devices(data: &[u8]) {
     static OPTIONS: OnceLock<SessionOptions> = OnceLock::new();
     let options = OPTIONS.get_or_init(|| {
         let catalogue = Catalogue::default();
-        let assign = |(node, id)| {
+        let assign = |(node, id): (u8, &str)| {
             let device = catalogue.device(id).unwrap();
-            Assignment { bus: None, node, device, by: AssignedBy::Option }
+            Assignment { bus: None, node: node.into(), device, by: AssignedBy::Option }
         };
         SessionOptions { assignments: DEVICES.map(assign).into(), ..SessionOptions::default() }
     });

@@ -2,11 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use serde::Deserialize;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
 use toml::Spanned;
 
 use crate::profile::layout::PdoName;
 use crate::profile::object::{Given, Only};
+use crate::wire::NodeId;
 
 /// Frames, and what the device means by the last of them.
 #[derive(Debug, Clone, Deserialize)]
@@ -18,9 +20,9 @@ pub struct Sample {
     /// Section.
     #[serde(default)]
     pub source: String,
-    /// Node-ID, 1 to 127.
-    #[serde(default = "one")]
-    pub node: u8,
+    /// The node: `32`, `"sa:0x80"`.
+    #[serde(default = "first", deserialize_with = "node")]
+    pub node: NodeId,
     /// Variants it holds for.
     #[serde(default)]
     pub only: Only,
@@ -79,6 +81,21 @@ pub struct Sample {
     pub gate: Option<String>,
 }
 
-const fn one() -> u8 {
-    1
+const fn first() -> NodeId {
+    NodeId::Canopen(1)
+}
+
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "a node-ID, or a J1939 address as \"sa:0x80\"")]
+enum Number {
+    Id(u8),
+    Text(String),
+}
+
+fn node<'de, D: Deserializer<'de>>(deserializer: D) -> Result<NodeId, D::Error> {
+    match Number::deserialize(deserializer)? {
+        Number::Id(id) => id.to_string().parse(),
+        Number::Text(text) => text.parse(),
+    }
+    .map_err(D::Error::custom)
 }

@@ -151,7 +151,7 @@ pub fn envelope(event: &Event, bus: &Bus, capture: Option<&str>, fields: &mut dy
     fields.field("kind", FieldValue::Text(event.kind.name()));
     fields.field("protocol", FieldValue::Text(protocol(event.protocol)));
     if let Some(node) = event.node {
-        fields.field("node", FieldValue::Unsigned(u64::from(node)));
+        fields.field("node", FieldValue::Unsigned(u64::from(node.number())));
         let known = bus.node(node);
         if let Some(name) = known.and_then(|node| node.name()) {
             fields.field("node_name", FieldValue::Text(name));
@@ -170,6 +170,8 @@ pub const fn protocol(protocol: Protocol) -> &'static str {
     match protocol {
         Protocol::Can => "can",
         Protocol::Canopen => "canopen",
+        Protocol::J1939 => "j1939",
+        Protocol::Uds => "uds",
         Protocol::Capture => "capture",
     }
 }

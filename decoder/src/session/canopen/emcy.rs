@@ -6,6 +6,7 @@ use crate::profile::Device;
 use crate::profile::device::{Boot, Cleared, NmtName, Order};
 use crate::session::node::{LearntOrder, Node};
 use crate::session::{Bus, Observer};
+use crate::wire::NodeId;
 use crate::wire::canopen::emcy::{self, ByteOrder, Emcy};
 use crate::wire::canopen::{NmtState, ObjectAddress};
 
@@ -13,8 +14,8 @@ use crate::wire::canopen::{NmtState, ObjectAddress};
 const LIFE_GUARD_ERROR: u16 = 0x8130;
 
 impl Bus {
-    pub(in crate::session) fn on_emcy(&mut self, id: u8, frame: &Frame, out: &mut dyn Observer) {
-        self.belief.saw_unsupported(id, self.clock.now());
+    pub(in crate::session) fn on_emcy(&mut self, id: NodeId, frame: &Frame, out: &mut dyn Observer) {
+        self.belief.saw_unsupported(id.number(), self.clock.now());
         if !self.is_decoded(frame, out) {
             return;
         }
@@ -76,7 +77,7 @@ impl Bus {
 
     fn say_contradiction(
         &self,
-        id: u8,
+        id: NodeId,
         object: Option<ObjectAddress>,
         frame: &Frame,
         out: &mut dyn Observer,
@@ -91,7 +92,7 @@ impl Bus {
 
     /// A node whose master stopped guarding leaves operational (CiA 301 §7.2.8.3.2.2, object 1029); some
     /// errors of a device do so by its manual.
-    fn error_moves_nmt(&mut self, id: u8, code: u16, frame: &Frame, out: &mut dyn Observer) {
+    fn error_moves_nmt(&mut self, id: NodeId, code: u16, frame: &Frame, out: &mut dyn Observer) {
         let Some(node) = self.node(id) else { return };
         let is_life_guard = code == node.device.monitoring.life_guard_emcy.unwrap_or(LIFE_GUARD_ERROR);
         let to = match node.device.error(code) {

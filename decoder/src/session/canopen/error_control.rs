@@ -4,6 +4,7 @@ use crate::event::{EventKind, PowerSign, Silence, StateCause};
 use crate::frame::{Frame, FrameFlags};
 use crate::session::timers::Subject;
 use crate::session::{Bus, Observer};
+use crate::wire::NodeId;
 use crate::wire::canopen::error_control::{self, ErrorControl};
 use crate::wire::canopen::{NmtState, ObjectAddress};
 
@@ -18,7 +19,7 @@ const TOGETHER: i64 = 2_000_000_000;
 const UNANSWERED: u8 = 3;
 
 impl Bus {
-    pub(in crate::session) fn on_error_control(&mut self, id: u8, frame: &Frame, out: &mut dyn Observer) {
+    pub(in crate::session) fn on_error_control(&mut self, id: NodeId, frame: &Frame, out: &mut dyn Observer) {
         if frame.flags.contains(FrameFlags::REMOTE) {
             return self.on_guard_request(id, frame, out);
         }
@@ -48,7 +49,7 @@ impl Bus {
         }
     }
 
-    fn on_heartbeat(&mut self, id: u8, message: ErrorControl, frame: &Frame, out: &mut dyn Observer) {
+    fn on_heartbeat(&mut self, id: NodeId, message: ErrorControl, frame: &Frame, out: &mut dyn Observer) {
         self.heard(id, frame, out);
         let kind = EventKind::Heartbeat { state: message.state, code: message.code };
         // A known state is told by the state's event; an unknown one only here.
@@ -59,7 +60,7 @@ impl Bus {
         }
     }
 
-    fn on_boot_up(&mut self, id: u8, frame: &Frame, out: &mut dyn Observer) {
+    fn on_boot_up(&mut self, id: NodeId, frame: &Frame, out: &mut dyn Observer) {
         self.take_node_id(id, frame, out);
         let cause = self.boot_cause(id);
         self.heard(id, frame, out);
@@ -78,7 +79,7 @@ impl Bus {
     }
 
     /// What makes a power-on of the machine likelier than a restart of this node alone.
-    pub(in crate::session) fn power_sign(&self, id: u8) -> Option<PowerSign> {
+    pub(in crate::session) fn power_sign(&self, id: NodeId) -> Option<PowerSign> {
         if !self.clock.runs() {
             return None;
         }
@@ -89,7 +90,7 @@ impl Bus {
         self.silent_until.filter(|time| is_recent(*time)).map(|_| PowerSign::BusWasSilent)
     }
 
-    fn on_guard_request(&mut self, id: u8, frame: &Frame, out: &mut dyn Observer) {
+    fn on_guard_request(&mut self, id: NodeId, frame: &Frame, out: &mut dyn Observer) {
         if !self.is_decoded(frame, out) {
             return;
         }
@@ -110,7 +111,7 @@ impl Bus {
         }
     }
 
-    fn on_guard_reply(&mut self, id: u8, message: ErrorControl, frame: &Frame, out: &mut dyn Observer) {
+    fn on_guard_reply(&mut self, id: NodeId, message: ErrorControl, frame: &Frame, out: &mut dyn Observer) {
         self.heard(id, frame, out);
         let now = self.clock.now();
         let Some(node) = self.node_mut(id) else { return };
@@ -135,7 +136,7 @@ impl Bus {
     }
 
     /// Sets the next heartbeat's deadline.
-    fn rearm_heartbeat(&mut self, id: u8) {
+    fn rearm_heartbeat(&mut self, id: NodeId) {
         if !self.clock.runs() {
             return;
         }
@@ -155,7 +156,7 @@ impl Bus {
     }
 
     /// A heartbeat's entry in the timer queue came due.
-    pub(in crate::session) fn heartbeat_deadline(&mut self, id: u8, now: i64, out: &mut dyn Observer) {
+    pub(in crate::session) fn heartbeat_deadline(&mut self, id: NodeId, now: i64, out: &mut dyn Observer) {
         let Some(node) = self.node_mut(id) else { return };
         node.heartbeat.queued = false;
         let Some(deadline) = node.heartbeat.deadline else { return };
@@ -171,7 +172,14 @@ impl Bus {
         self.lose(id, gap, "heartbeat", &frame, out);
     }
 
-    fn lose(&mut self, id: u8, gap: i64, monitored_by: &'static str, frame: &Frame, out: &mut dyn Observer) {
+    fn lose(
+        &mut self,
+        id: NodeId,
+        gap: i64,
+        monitored_by: &'static str,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
         let Some(node) = self.node_mut(id) else { return };
         if std::mem::replace(&mut node.lost, true) {
             return;
@@ -182,7 +190,7 @@ impl Bus {
     }
 
     /// A frame of this node was seen: it lives.
-    pub(in crate::session) fn heard(&mut self, id: u8, frame: &Frame, out: &mut dyn Observer) {
+    pub(in crate::session) fn heard(&mut self, id: NodeId, frame: &Frame, out: &mut dyn Observer) {
         let now = self.clock.now();
         let Some(node) = self.node_mut(id) else { return };
         if std::mem::replace(&mut node.lost, false) {

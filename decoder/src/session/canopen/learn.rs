@@ -4,6 +4,7 @@ use crate::frame::CanId;
 use crate::profile::PdoName;
 use crate::session::Bus;
 use crate::session::routes::Service;
+use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
 /// Bit 31 of a PDO's COB-ID: it does not exist. Bit 29 of any COB-ID: it has 29 bits.
@@ -23,7 +24,7 @@ fn identifier(cob_id: u64) -> Option<CanId> {
 }
 
 impl Bus {
-    pub(in crate::session) fn take_effect(&mut self, id: u8, address: ObjectAddress) {
+    pub(in crate::session) fn take_effect(&mut self, id: NodeId, address: ObjectAddress) {
         let Some(number) = self.number(id, address) else { return };
         match (address.index, address.sub) {
             (0x1005, 0) => self.own_sync(id, number),
@@ -38,7 +39,7 @@ impl Bus {
     }
 
     /// A number in the store of a node.
-    pub(in crate::session) fn number(&self, id: u8, address: ObjectAddress) -> Option<u64> {
+    pub(in crate::session) fn number(&self, id: NodeId, address: ObjectAddress) -> Option<u64> {
         self.node(id)?.store().number(address)
     }
 
@@ -61,7 +62,7 @@ impl Bus {
         self.service_of(owner)
     }
 
-    fn heartbeat_time(&mut self, id: u8, milliseconds: u64) {
+    fn heartbeat_time(&mut self, id: NodeId, milliseconds: u64) {
         let Some(node) = self.node_mut(id) else { return };
         let nanoseconds = i64::try_from(milliseconds).unwrap_or(0).saturating_mul(1_000_000);
         node.heartbeat.configured = Some(nanoseconds);
@@ -71,26 +72,26 @@ impl Bus {
     }
 
     /// SDO server parameter 1201 and up: client to server in sub 1, server to client in sub 2.
-    fn learn_channel(&mut self, id: u8, index: u16) {
+    fn learn_channel(&mut self, id: NodeId, index: u16) {
         if index == 0x1200 {
             return;
         }
         let ids = [1, 2].map(|sub| self.number(id, ObjectAddress::new(index, sub)).and_then(identifier));
         let client = self.number(id, ObjectAddress::new(index, 3)).and_then(|id| u8::try_from(id).ok());
         if let [Some(request), Some(response)] = ids
-            && let Some(channel) = self.channels.add(id, index, request, response, client)
+            && let Some(channel) = self.channels.add(id.number(), index, request, response, client)
         {
             self.route_channel(channel, request, response);
         }
     }
 
     /// SDO client parameter 1280 and up: whom this node asks, and on which identifiers.
-    fn learn_client(&mut self, id: u8, index: u16) {
+    fn learn_client(&mut self, id: NodeId, index: u16) {
         let number = |sub| self.number(id, ObjectAddress::new(index, sub));
         let ids = [number(1).and_then(identifier), number(2).and_then(identifier)];
         let server = number(3).and_then(|server| u8::try_from(server).ok());
         if let ([Some(request), Some(response)], Some(server @ 1..=127)) = (ids, server)
-            && let Some(channel) = self.channels.of_client(server, index, request, response, id)
+            && let Some(channel) = self.channels.of_client(server, index, request, response, id.number())
         {
             self.route_channel(channel, request, response);
         }
@@ -98,7 +99,7 @@ impl Bus {
 
     /// A PDO parameter changed. The identifier takes effect when it becomes valid, the mapping when the
     /// PDO becomes valid again, or at once with the number of entries if it never was invalid.
-    fn learn_pdo(&mut self, id: u8, address: ObjectAddress) {
+    fn learn_pdo(&mut self, id: NodeId, address: ObjectAddress) {
         let Some(name) = PdoName::of_parameter(address.index) else { return };
         let service = Service::Pdo(name, id);
         let cob_id = self.number(id, ObjectAddress::new(name.communication_index(), 1));
@@ -115,7 +116,7 @@ impl Bus {
     }
 
     /// An object fell back to something unknown: identifiers and times are the default ones again.
-    pub(in crate::session) fn forget_effect(&mut self, id: u8, address: ObjectAddress) {
+    pub(in crate::session) fn forget_effect(&mut self, id: NodeId, address: ObjectAddress) {
         match (address.index, address.sub) {
             (0x1005, 0) => self.own_sync(id, SYNC),
             (0x1014, 0) => self.forget_route(Service::Emcy(id)),
@@ -141,7 +142,7 @@ impl Bus {
     }
 
     /// The SYNC a node obeys; others may obey another one, so none is given up.
-    fn own_sync(&mut self, id: u8, cob_id: u64) {
+    fn own_sync(&mut self, id: NodeId, cob_id: u64) {
         let Some(sync) = identifier(cob_id & !0xC000_0000) else { return };
         if let Some(node) = self.node_mut(id) {
             node.sync = sync;

@@ -5,6 +5,7 @@ use crate::frame::Frame;
 use crate::profile;
 use crate::session::device::Announcement;
 use crate::session::{Bus, Observer};
+use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::lss::{self, Content};
 
@@ -58,7 +59,7 @@ impl Bus {
         }
         let message = match lss::parse(frame.data(), from_master) {
             Ok(message) => message,
-            Err(error) => return self.malformed(frame, 0, error, "too short for its LSS command", out),
+            Err(error) => return self.malformed(frame, None, error, "too short for its LSS command", out),
         };
         let is_scan_step = matches!(message.content, Content::FastScan { .. });
         let routine = if from_master {
@@ -67,7 +68,7 @@ impl Bus {
             self.lss.scanning
         };
         let kind = EventKind::Lss { command: message.command, from_master, content: message.content };
-        self.emit(frame, 0, routine, kind, out);
+        self.emit(frame, None, routine, kind, out);
         self.follow_node_id(message, from_master, frame, out);
         self.follow_bit_rate(message, from_master, frame, out);
     }
@@ -94,7 +95,7 @@ impl Bus {
                         format!("bus goes to {rate} kbit/s after {delay} ms, no frame for {delay} ms more");
                     let change =
                         Announcement { procedure: "bit-rate change", word: "RATE", finished: false, text };
-                    self.announce(0, change, frame, out);
+                    self.announce(None, change, frame, out);
                 }
             }
             _ => {}
@@ -128,7 +129,7 @@ impl Bus {
                 |(sub, number): (u8, Option<u32>)| told(sub).is_none() || told(sub) == number.map(u64::from);
             told(4).is_some() && (1..).zip(address).all(same)
         });
-        fitting.next().map(crate::session::Node::id).filter(|_| fitting.next().is_none())
+        fitting.next().and_then(|node| node.id().canopen()).filter(|_| fitting.next().is_none())
     }
 
     /// Remembers a node-ID that is inquired, asked for, accepted.
@@ -163,7 +164,7 @@ impl Bus {
                     let text = format!("node-ID {to} after its next start");
                     let change =
                         Announcement { procedure: "node-ID change", word: "IDENT", finished: false, text };
-                    self.announce(from.unwrap_or(0), change, frame, out);
+                    self.announce(from.map(NodeId::Canopen), change, frame, out);
                 }
             }
             _ => {}

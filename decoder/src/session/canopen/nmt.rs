@@ -8,6 +8,7 @@ use crate::frame::Frame;
 use crate::session::device::Restart;
 use crate::session::node::NmtStatus;
 use crate::session::{Bus, Observer};
+use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 use crate::wire::canopen::nmt::{self, NmtService};
 
@@ -52,13 +53,14 @@ impl Bus {
         }
         let command = match parsed {
             Ok(command) => command,
-            Err(error) => return self.malformed(frame, 0, error, "an NMT command has two bytes", out),
+            Err(error) => return self.malformed(frame, None, error, "an NMT command has two bytes", out),
         };
         let to = state_after(command.service);
         let from = self.node(command.target).and_then(|node| node.nmt).map(|nmt| nmt.state);
         let kind = EventKind::NmtCommand { service: command.service, target: command.target, from, to };
         // A target above 127 addresses nobody.
-        self.emit(frame, if command.target <= 127 { command.target } else { 0 }, false, kind, out);
+        let target = NodeId::Canopen(command.target);
+        self.emit(frame, Some(target).filter(|target| target.is_valid()), false, kind, out);
         let Some(to) = to else { return };
         if command.target == 0 && to == NmtState::Initialising {
             self.reset_all = Some((frame.number, restart(command.service)));
@@ -66,12 +68,19 @@ impl Bus {
         let targets = if command.target == 0 { 1..=127 } else { command.target..=command.target };
         for id in targets {
             if command.target != 0 || self.node(id).is_some() {
-                self.command(id, command.service, to, frame, out);
+                self.command(id.into(), command.service, to, frame, out);
             }
         }
     }
 
-    fn command(&mut self, id: u8, service: NmtService, to: NmtState, frame: &Frame, out: &mut dyn Observer) {
+    fn command(
+        &mut self,
+        id: NodeId,
+        service: NmtService,
+        to: NmtState,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
         let Some(node) = self.node_mut(id) else { return };
         if to == NmtState::Initialising {
             node.reset_frame = Some((frame.number, restart(service)));
@@ -88,7 +97,7 @@ impl Bus {
     /// Notes a state nobody confirmed.
     pub(in crate::session) fn presume_state(
         &mut self,
-        id: u8,
+        id: NodeId,
         to: NmtState,
         cause: StateCause,
         frame: &Frame,
@@ -120,7 +129,7 @@ impl Bus {
     /// Notes a state the node itself tells or shows; says so if that is news.
     pub(in crate::session) fn confirm_state(
         &mut self,
-        id: u8,
+        id: NodeId,
         to: NmtState,
         cause: StateCause,
         frame: &Frame,
@@ -158,7 +167,7 @@ impl Bus {
         now: NmtStatus,
         frame: &Frame,
         after: Option<i64>,
-        id: u8,
+        id: NodeId,
         out: &mut dyn Observer,
     ) {
         let cause_frame = match before {
@@ -182,7 +191,7 @@ impl Bus {
 
     /// A PDO of a node whose state is not confirmed operational.
     #[cold]
-    pub(in crate::session) fn pdo_shows_state(&mut self, id: u8, frame: &Frame, out: &mut dyn Observer) {
+    pub(in crate::session) fn pdo_shows_state(&mut self, id: NodeId, frame: &Frame, out: &mut dyn Observer) {
         let contradicts_words = self.node(id).and_then(|node| node.nmt).is_some_and(|nmt| {
             // What the node says of itself weighs more than a PDO on its identifier.
             nmt.state != NmtState::Operational

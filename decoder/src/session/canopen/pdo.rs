@@ -8,6 +8,7 @@ use crate::frame::{Frame, FrameFlags, MAX_DATA};
 use crate::profile::{PdoDirection, PdoName};
 use crate::session::device::{Plan, Planned, Recent};
 use crate::session::{Bus, Observer};
+use crate::wire::NodeId;
 
 /// Entries of a mapping parameter (CiA 301 §7.5.2.36); each can be a single bit.
 impl Bus {
@@ -16,13 +17,13 @@ impl Bus {
         &mut self,
         slot: usize,
         name: PdoName,
-        id: u8,
+        id: NodeId,
         frame: &Frame,
         out: &mut dyn Observer,
     ) {
         let believed = self.belief.is_believed();
         if !believed {
-            self.belief.saw_unsupported(id, self.clock.now());
+            self.belief.saw_unsupported(id.number(), self.clock.now());
             if !self.is_decoded(frame, out) {
                 return;
             }
@@ -61,7 +62,7 @@ impl Bus {
     }
 
     #[inline]
-    fn pdo_heard(&mut self, id: u8, frame: &Frame, out: &mut dyn Observer) {
+    fn pdo_heard(&mut self, id: NodeId, frame: &Frame, out: &mut dyn Observer) {
         let now = self.clock.now();
         let Some(node) = self.node_mut(id) else { return };
         if node.attention {
@@ -75,7 +76,7 @@ impl Bus {
     }
 
     #[cold]
-    fn first_pdo(&mut self, slot: usize, name: PdoName, id: u8, frame: &Frame, out: &mut dyn Observer) {
+    fn first_pdo(&mut self, slot: usize, name: PdoName, id: NodeId, frame: &Frame, out: &mut dyn Observer) {
         let mut bytes = [0; MAX_DATA];
         copy_payload(&mut bytes, frame);
         let node = self.node(id);

@@ -53,7 +53,7 @@ impl Bus {
         let first = !std::mem::replace(&mut self.sync.seen, true);
         let expected = self.sync.take(counter);
         let routine = !first && expected.is_none();
-        self.emit(frame, 0, routine, EventKind::Sync { counter, expected }, out);
+        self.emit(frame, None, routine, EventKind::Sync { counter, expected }, out);
         self.device_saw_sync(frame, out);
     }
 
@@ -67,9 +67,9 @@ impl Bus {
                 let total = i64::from(time.days) * 86_400_000 + i64::from(time.milliseconds);
                 let now = self.clock.now();
                 let routine = self.sync.expects(total, now) && self.clock.runs();
-                self.emit(frame, 0, routine, kind, out);
+                self.emit(frame, None, routine, kind, out);
             }
-            Err(error) => self.malformed(frame, 0, error, "TIME has six bytes", out),
+            Err(error) => self.malformed(frame, None, error, "TIME has six bytes", out),
         }
     }
 }

@@ -8,6 +8,7 @@ use crate::frame::Frame;
 use crate::profile::imported::Import;
 use crate::profile::{Device, Introduction, little_endian};
 use crate::session::{AssignedBy, Assignment, Bus, Node, Observer};
+use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
 /// Objects that introduce a node (CiA 301 §7.5.2.1, §7.5.2.8, §7.5.2.19).
@@ -21,18 +22,20 @@ const INTRODUCING: [ObjectAddress; 5] = [
 
 impl Bus {
     /// From now on the node is this device.
-    pub(in crate::session) fn assign(&mut self, id: u8, device: &Arc<Device>, by: AssignedBy) {
+    pub(in crate::session) fn assign(&mut self, id: NodeId, device: &Arc<Device>, by: AssignedBy) {
         let Some(node) = self.node_mut(id) else { return };
         node.device = Arc::clone(device);
         node.assigned = Some(by);
-        self.take_delivered(id, by);
+        if id.canopen().is_some() {
+            self.take_delivered(id, by);
+        }
         self.routes.refresh_pdos_of(id);
     }
 
     /// An object was learnt that may tell what a node is whose device nobody named.
     pub(in crate::session) fn introduce(
         &mut self,
-        id: u8,
+        id: NodeId,
         object: ObjectAddress,
         frame: &Frame,
         out: &mut dyn Observer,
@@ -71,7 +74,7 @@ impl Bus {
     /// Assigns what fits; several are said, not guessed.
     pub(in crate::session) fn recognise(
         &mut self,
-        id: u8,
+        id: NodeId,
         introduction: &Introduction,
         frame: &Frame,
         out: &mut dyn Observer,
@@ -119,8 +122,8 @@ impl Bus {
 pub(in crate::session) fn given_devices(
     assignments: &[Assignment],
     bus: &str,
-) -> Vec<(u8, Arc<Device>, AssignedBy)> {
-    let mut nodes: BTreeMap<u8, (Option<&Assignment>, Option<&Import>)> = BTreeMap::new();
+) -> Vec<(NodeId, Arc<Device>, AssignedBy)> {
+    let mut nodes: BTreeMap<NodeId, (Option<&Assignment>, Option<&Import>)> = BTreeMap::new();
     for assignment in assignments.iter().filter(|it| it.bus.as_deref().is_none_or(|name| name == bus)) {
         let (device, file) = nodes.entry(assignment.node).or_default();
         match assignment.device.file.as_ref().filter(|_| assignment.device.is_file_alone()) {
@@ -133,7 +136,7 @@ pub(in crate::session) fn given_devices(
             None => *device = Some(assignment),
         }
     }
-    let given = |(node, (assignment, file)): (u8, (Option<&Assignment>, Option<&Import>))| {
+    let given = |(node, (assignment, file)): (NodeId, (Option<&Assignment>, Option<&Import>))| {
         let assignment = assignment?;
         let device = match file {
             Some(import) if !assignment.device.is_file_alone() => {
@@ -152,7 +155,7 @@ mod tests {
     use crate::profile::{Catalogue, device_file, imported};
 
     fn of(bus: Option<&str>, device: &Arc<Device>, by: AssignedBy) -> Assignment {
-        Assignment { bus: bus.map(Into::into), node: 5, device: Arc::clone(device), by }
+        Assignment { bus: bus.map(Into::into), node: NodeId::Canopen(5), device: Arc::clone(device), by }
     }
 
     #[test]
@@ -168,7 +171,7 @@ mod tests {
         let (first, second) = (file("b"), file("c"));
         let given = |assignments: &[Assignment], bus| {
             let given = given_devices(assignments, bus);
-            let [(5, device, by)] = &given[..] else { panic!("{given:?}") };
+            let [(NodeId::Canopen(5), device, by)] = &given[..] else { panic!("{given:?}") };
             let knows = device.dictionary.find(ObjectAddress::new(0x2FFF, 0)).is_some();
             (device.id.clone(), by.name(), knows)
         };

@@ -17,6 +17,7 @@ use crate::profile::device::Trigger;
 use crate::profile::{Device, Field, Layout, Meaning, PdoDirection, PdoName, Role};
 use crate::session::store::{Origin, OriginKind};
 use crate::session::{Bus, Observer};
+use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::nmt::NmtService;
 
@@ -81,7 +82,7 @@ impl Behaviour {
 
 /// One field of a PDO that changed.
 pub(super) struct Changed<'a> {
-    pub(super) id: u8,
+    pub(super) id: NodeId,
     pub(super) device: &'a Device,
     pub(super) field: &'a Field,
     pub(super) object: ObjectAddress,
@@ -97,7 +98,7 @@ impl Bus {
         &mut self,
         slot: usize,
         name: PdoName,
-        id: u8,
+        id: NodeId,
         frame: &Frame,
         out: &mut dyn Observer,
     ) {
@@ -166,7 +167,14 @@ impl Bus {
 
     /// A procedure may begin with a bit that is set again without having been clear: its PDO is sent once
     /// an occasion.
-    fn repeated_bits(&mut self, id: u8, layout: &Layout, plan: &Plan, frame: &Frame, out: &mut dyn Observer) {
+    fn repeated_bits(
+        &mut self,
+        id: NodeId,
+        layout: &Layout,
+        plan: &Plan,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
         if !plan.once_an_occasion {
             return;
         }
@@ -180,7 +188,7 @@ impl Bus {
     /// An EMCY came; it may explain a state or change what set points do.
     pub(in crate::session) fn device_saw_emcy(
         &mut self,
-        id: u8,
+        id: NodeId,
         code: u16,
         frame: &Frame,
         out: &mut dyn Observer,
@@ -197,7 +205,7 @@ impl Bus {
     /// An NMT command was given.
     pub(in crate::session) fn device_saw_nmt(
         &mut self,
-        id: u8,
+        id: NodeId,
         service: NmtService,
         frame: &Frame,
         out: &mut dyn Observer,
@@ -216,7 +224,7 @@ impl Bus {
     }
 
     /// A node started: procedures are over, set points are gone.
-    pub(in crate::session) fn device_restarted(&mut self, id: u8, frame: &Frame) {
+    pub(in crate::session) fn device_restarted(&mut self, id: NodeId, frame: &Frame) {
         let time = self.clock.now();
         let Some(node) = self.node_mut(id) else { return };
         node.behaviour.boot = Some(Moment { what: (), frame: frame.number, time });
@@ -232,7 +240,7 @@ impl Bus {
     /// A transfer of an object is complete.
     pub(in crate::session) fn device_saw_object(
         &mut self,
-        id: u8,
+        id: NodeId,
         object: ObjectAddress,
         value: &[u8],
         kind: OriginKind,

@@ -7,6 +7,7 @@ use crate::profile::device::Machine;
 use crate::profile::object::BitName;
 use crate::profile::{Device, PdoDirection, PdoName, Role};
 use crate::session::{Bus, Observer};
+use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
 impl Bus {
@@ -35,7 +36,13 @@ impl Bus {
     }
 
     /// A mode of operation may be another one.
-    pub(super) fn mode_seen(&mut self, id: u8, object: ObjectAddress, frame: &Frame, out: &mut dyn Observer) {
+    pub(super) fn mode_seen(
+        &mut self,
+        id: NodeId,
+        object: ObjectAddress,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
         let Some(node) = self.node(id) else { return };
         let Some(meaning) = node.meaning(object) else { return };
         let Some(entry) = node.store.get(object) else { return };
@@ -65,7 +72,7 @@ impl Bus {
     }
 
     /// `word 2 Q in l/min, word 3 p in bar`: what a mode makes of the first RPDO.
-    fn set_points_under_mode(&self, id: u8, mode: ObjectAddress) -> String {
+    fn set_points_under_mode(&self, id: NodeId, mode: ObjectAddress) -> String {
         const FIRST: PdoName = PdoName { direction: PdoDirection::Receive, number: 1 };
         let Some(node) = self.node(id) else { return String::new() };
         let Some(layout) = crate::session::canopen::layout(node, FIRST) else { return String::new() };

@@ -11,6 +11,7 @@ use crate::profile::device_file::{Access, DeviceFile, DeviceObject};
 use crate::profile::{DataType, little_endian};
 use crate::session::routes::Service;
 use crate::session::{Bus, CONFLICT_LIMIT, OBJECT_LIMIT, Observer, OriginKind};
+use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
 /// Objects that say what a device is, and never change (CiA 301 §7.5.2.1, §7.5.2.21).
@@ -41,7 +42,7 @@ impl Bus {
     /// Tells where a value that was read contradicts the device file of the node.
     pub(super) fn contradict(
         &mut self,
-        id: u8,
+        id: NodeId,
         object: ObjectAddress,
         value: &[u8],
         kind: OriginKind,
@@ -77,7 +78,7 @@ impl Bus {
     /// Once an object and value, as far as they are remembered.
     fn is_new_conflict(
         &mut self,
-        id: u8,
+        id: NodeId,
         object: ObjectAddress,
         value: &[u8],
         frame: &Frame,
@@ -95,8 +96,8 @@ impl Bus {
     }
 
     /// A value the DCF wants, that nobody wrote since, and that no PDO carries.
-    fn not_configured(&self, object: &DeviceObject, value: &[u8], id: u8) -> Option<(Vec<u8>, String)> {
-        let wanted = object.wanted(id)?;
+    fn not_configured(&self, object: &DeviceObject, value: &[u8], id: NodeId) -> Option<(Vec<u8>, String)> {
+        let wanted = object.wanted(id.number())?;
         let node = self.node(id)?;
         let is_constant = matches!(object.access, Some(Access::Ro | Access::Const));
         let is_said = is_constant
@@ -108,7 +109,7 @@ impl Bus {
     }
 
     /// Whether a PDO of the node that was seen carries an object.
-    fn is_in_pdo(&self, id: u8, object: ObjectAddress) -> bool {
+    fn is_in_pdo(&self, id: NodeId, object: ObjectAddress) -> bool {
         self.routes.layouts().any(|(service, layout)| {
             matches!(service, Service::Pdo(_, node) if node == id)
                 && layout.fields.iter().any(|field| field.object() == Some(object))
@@ -137,7 +138,7 @@ fn other_device(
     file: &DeviceFile,
     object: &DeviceObject,
     value: &[u8],
-    node: u8,
+    node: NodeId,
 ) -> Option<(Vec<u8>, String)> {
     let header = match (object.address.index, object.address.sub) {
         _ if object.address == DEVICE_TYPE => None,
@@ -148,7 +149,7 @@ fn other_device(
     };
     let data_type = object.data_type?;
     let given = [&object.value, &object.default].into_iter().flatten();
-    let stated = given.filter_map(|given| given.encode(data_type, node));
+    let stated = given.filter_map(|given| given.encode(data_type, node.number()));
     // Zero is what an editor leaves where nobody filled in a number.
     let stated =
         stated.chain(header.map(|number| number.to_le_bytes().to_vec())).find(|it| little_endian(it) != 0)?;
@@ -189,7 +190,8 @@ mod tests {
     fn bus() -> Bus {
         let file = Arc::new(device_file::parse(FILE.as_bytes()).unwrap());
         let device = Arc::new(imported::device(&file, "a.dcf"));
-        let assignment = Assignment { bus: None, node: 5, device, by: AssignedBy::DeviceFile };
+        let assignment =
+            Assignment { bus: None, node: NodeId::Canopen(5), device, by: AssignedBy::DeviceFile };
         let options = SessionOptions { assignments: vec![assignment], ..SessionOptions::default() };
         Bus::new(BusIndex(0), "can0", Arc::new(options))
     }
@@ -200,7 +202,7 @@ mod tests {
         for (index, sub, value) in values {
             let object = ObjectAddress::new(*index, *sub);
             bus.learn_object(
-                5,
+                NodeId::Canopen(5),
                 object,
                 value,
                 OriginKind::Upload,

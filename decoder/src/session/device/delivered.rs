@@ -8,6 +8,7 @@ use crate::frame::CanId;
 use crate::profile::{Owner, PdoDirection, PdoName, formula};
 use crate::session::routes::{Origin, Service};
 use crate::session::{AssignedBy, Bus};
+use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
 /// Bit 31 of a COB-ID: the service does not exist. Bit 29: the identifier has 29 bits.
@@ -19,17 +20,18 @@ const MOVED_CHANNEL: u16 = 1;
 
 impl Bus {
     /// The node has another device: its identifiers, and the values of its DCF.
-    pub(super) fn take_delivered(&mut self, id: u8, by: AssignedBy) {
+    pub(super) fn take_delivered(&mut self, id: NodeId, by: AssignedBy) {
         let Some(node) = self.node_mut(id) else { return };
         if let Some(import) = &node.device.file {
             // A DCF that was found by identity may be that of another node of the same kind.
-            let is_its = by != AssignedBy::Identity || import.file.node_id.is_none_or(|own| own == id);
+            let is_its =
+                by != AssignedBy::Identity || import.file.node_id.is_none_or(|own| own == id.number());
             if is_its {
                 let values = import
                     .file
                     .objects
                     .iter()
-                    .filter_map(|object| Some((object.address, object.wanted(id)?)));
+                    .filter_map(|object| Some((object.address, object.wanted(id.number())?)));
                 Arc::make_mut(&mut node.store).want(values);
             }
         }
@@ -42,7 +44,7 @@ impl Bus {
     }
 
     /// An object fell back to something nobody told: what it is delivered with or configured to holds.
-    pub(super) fn delivered_acts(&mut self, id: u8, object: ObjectAddress) {
+    pub(super) fn delivered_acts(&mut self, id: NodeId, object: ObjectAddress) {
         if self.node(id).is_some_and(|node| node.store.get(object).is_some()) {
             self.wanted_acts(id, object);
         } else {
@@ -52,13 +54,13 @@ impl Bus {
 
     /// The node has another node-ID: identifiers that depend on it follow, unless its manual says that they
     /// stay.
-    pub(super) fn move_delivered(&mut self, id: u8) {
+    pub(super) fn move_delivered(&mut self, id: NodeId) {
         self.forget_delivered(id);
         self.route_delivered(id);
     }
 
     /// A value its DCF wants. The heartbeat time is none that is believed: the intervals tell it.
-    fn wanted_acts(&mut self, id: u8, object: ObjectAddress) {
+    fn wanted_acts(&mut self, id: NodeId, object: ObjectAddress) {
         let Some(node) = self.node(id).filter(|node| node.store.seen(object).is_none()) else { return };
         let number = node.store.number(object).unwrap_or(0);
         let is_taken = match (object.index, object.sub) {
@@ -74,7 +76,7 @@ impl Bus {
     }
 
     /// Takes back the identifiers the node has by delivery.
-    fn forget_delivered(&mut self, id: u8) {
+    fn forget_delivered(&mut self, id: NodeId) {
         let Some(node) = self.node_mut(id) else { return };
         let stays: Vec<PdoName> =
             node.device.identity_change.cob_ids_stay.iter().filter_map(|name| name.parse().ok()).collect();
@@ -83,7 +85,7 @@ impl Bus {
             let is_its = match service {
                 Some(Service::Pdo(name, node)) => node == id && !stays.contains(&name),
                 Some(Service::Emcy(node)) => node == id,
-                Some(Service::Sdo(_, channel)) => self.channels.server(channel) == Some(id),
+                Some(Service::Sdo(_, channel)) => self.channels.server(channel) == id.canopen(),
                 _ => false,
             };
             if let Some(service) = service.filter(|_| is_its) {
@@ -94,11 +96,11 @@ impl Bus {
     }
 
     /// Routes the identifiers the device is delivered with, where nothing else is known of the service.
-    fn route_delivered(&mut self, id: u8) {
+    fn route_delivered(&mut self, id: NodeId) {
         let Some(node) = self.node(id) else { return };
         let device = Arc::clone(&node.device);
         for pdo in &device.pdos {
-            let cob_id = pdo.cob_id.as_deref().and_then(|text| formula(text, Some(id)));
+            let cob_id = pdo.cob_id.as_deref().and_then(|text| formula(text, Some(id.number())));
             if let Some(can_id) = cob_id.and_then(identifier) {
                 self.deliver(id, Service::Pdo(pdo.pdo, id), can_id);
             }
@@ -120,13 +122,13 @@ impl Bus {
     }
 
     /// The identifier an object is delivered with; `None` if it is marked invalid, or the object was told.
-    fn delivered_id(&self, id: u8, object: ObjectAddress) -> Option<CanId> {
+    fn delivered_id(&self, id: NodeId, object: ObjectAddress) -> Option<CanId> {
         let node = self.node(id).filter(|node| node.store.get(object).is_none())?;
         let entry = node.device.dictionary.find(object)?.entry?;
-        identifier(u64::try_from(entry.default_number(Some(id))?).ok()?)
+        identifier(u64::try_from(entry.default_number(Some(id.number()))?).ok()?)
     }
 
-    fn deliver(&mut self, id: u8, service: Service, can_id: CanId) {
+    fn deliver(&mut self, id: NodeId, service: Service, can_id: CanId) {
         let receives = matches!(service, Service::Pdo(name, _) if name.direction == PdoDirection::Receive);
         if self.routes.is_placed(service)
             || self.present(can_id) == Some(service)
@@ -137,7 +139,7 @@ impl Bus {
         self.learn_delivered(id, can_id, service);
     }
 
-    fn learn_delivered(&mut self, id: u8, can_id: CanId, service: Service) {
+    fn learn_delivered(&mut self, id: NodeId, can_id: CanId, service: Service) {
         self.routes.learn(can_id, service);
         if let Some(node) = self.node_mut(id) {
             node.delivered_ids.push(can_id);
@@ -145,7 +147,7 @@ impl Bus {
     }
 
     /// The SYNC a node obeys; others may obey another one.
-    fn deliver_sync(&mut self, id: u8, can_id: CanId) {
+    fn deliver_sync(&mut self, id: NodeId, can_id: CanId) {
         if let Some(node) = self.node_mut(id) {
             node.sync = can_id;
         }
@@ -155,13 +157,13 @@ impl Bus {
     }
 
     /// The default SDO channel, where it is not on the predefined identifiers (CiA 301 §7.5.2.33).
-    fn deliver_channel(&mut self, id: u8, request: CanId) {
+    fn deliver_channel(&mut self, id: NodeId, request: CanId) {
         let Some(response) = self.delivered_id(id, ObjectAddress::new(0x1200, 2)) else { return };
-        let predefined = [0x600, 0x580].map(|base: u16| CanId::standard(base + u16::from(id)));
+        let predefined = [0x600, 0x580].map(|base: u16| CanId::standard(base + u16::from(id.number())));
         if [request, response] == predefined {
             return;
         }
-        if let Some(channel) = self.channels.add(id, MOVED_CHANNEL, request, response, None) {
+        if let Some(channel) = self.channels.add(id.number(), MOVED_CHANNEL, request, response, None) {
             self.route_channel(channel, request, response);
             if let Some(node) = self.node_mut(id) {
                 node.delivered_ids.extend([request, response]);
@@ -170,7 +172,7 @@ impl Bus {
     }
 
     /// Whether another node's TPDO has the identifier: then this one listens to it, and the sender counts.
-    fn is_sent_by_another(&self, can_id: CanId, id: u8) -> bool {
+    fn is_sent_by_another(&self, can_id: CanId, id: NodeId) -> bool {
         matches!(self.present(can_id), Some(Service::Pdo(name, node)) if node != id && name.direction == PdoDirection::Transmit)
     }
 
@@ -178,8 +180,8 @@ impl Bus {
     fn present(&self, can_id: CanId) -> Option<Service> {
         match self.routes.origin(can_id) {
             Origin::Learnt(service) => Some(service),
-            Origin::Default(Owner::Pdo(name, node)) => Some(Service::Pdo(name, node)),
-            Origin::Default(Owner::Emcy(node)) => Some(Service::Emcy(node)),
+            Origin::Default(Owner::Pdo(name, node)) => Some(Service::Pdo(name, node.into())),
+            Origin::Default(Owner::Emcy(node)) => Some(Service::Emcy(node.into())),
             Origin::Default(Owner::Sync) => Some(Service::Sync),
             Origin::Default(_) => None,
         }
@@ -232,7 +234,7 @@ mod tests {
             }
             let file = Arc::new(device_file::parse(text.as_bytes()).unwrap());
             let device = Arc::new(imported::device(&file, "a.eds"));
-            Assignment { bus: None, node: *node, device, by: AssignedBy::DeviceFile }
+            Assignment { bus: None, node: (*node).into(), device, by: AssignedBy::DeviceFile }
         });
         let options = SessionOptions { assignments: assignments.collect(), ..SessionOptions::default() };
         Bus::new(BusIndex(0), "can0", Arc::new(options))
@@ -331,8 +333,8 @@ mod tests {
     fn identifiers_follow_the_node_id() {
         let mut bus = bus(&[(5, &[("1800sub1", "$NODEID+0x1C0"), ("1801sub1", "0x2F0")])]);
         seen(&mut bus, &[0x1C5]);
-        bus.move_node(5, 6);
-        bus.move_delivered(6);
+        bus.move_node(5.into(), 6.into());
+        bus.move_delivered(6.into());
         assert_eq!(seen(&mut bus, &[0x1C5, 0x1C6, 0x2F0]), ["TPDO1 of 69", "TPDO1 of 6", "TPDO2 of 6"]);
     }
 

@@ -8,12 +8,15 @@ use crate::frame::{CanId, Frame};
 use crate::profile::{PdoDirection, PdoName, Role, integer};
 use crate::session::routes::Service;
 use crate::session::{Bus, Node, Observer};
+use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
 impl Bus {
     /// A node appears under `id`: if one was given that node-ID, it is that one.
-    pub(in crate::session) fn take_node_id(&mut self, id: u8, frame: &Frame, out: &mut dyn Observer) {
-        if let Some((from, to)) = self.lss.take_accepted(id) {
+    pub(in crate::session) fn take_node_id(&mut self, id: NodeId, frame: &Frame, out: &mut dyn Observer) {
+        let accepted = id.canopen().and_then(|id| self.lss.take_accepted(id));
+        if let Some((from, to)) = accepted.map(|(from, to)| (from.map(NodeId::Canopen), NodeId::Canopen(to)))
+        {
             let from = from.or_else(|| self.only_one_in_reset(id));
             self.change_node_id(from, to, "lss", frame, out);
             self.node_id_changed(to, frame, out);
@@ -23,22 +26,22 @@ impl Bus {
         }
     }
 
-    fn node_id_changed(&self, id: u8, frame: &Frame, out: &mut dyn Observer) {
-        let text = format!("node-ID {id}");
+    fn node_id_changed(&self, id: NodeId, frame: &Frame, out: &mut dyn Observer) {
+        let text = format!("node-ID {}", id.number());
         let change = Announcement { procedure: "node-ID change", word: "IDENT", finished: true, text };
         self.announce(id, change, frame, out);
     }
 
     /// The node that was reset and did not come back, if there is just one: LSS does not always tell which
     /// node it configured.
-    fn only_one_in_reset(&self, but: u8) -> Option<u8> {
+    fn only_one_in_reset(&self, but: NodeId) -> Option<NodeId> {
         let mut reset = self.nodes().filter(|node| node.id != but && node.reset_frame.is_some());
         reset.next().map(|node| node.id).filter(|_| reset.next().is_none())
     }
 
     /// A node told its serial number (1018:04). A rotary switch is never seen on the bus: a node with the
     /// numbers of another one that is silent since is that one under a new node-ID.
-    pub(in crate::session) fn join_by_serial(&mut self, id: u8, frame: &Frame, out: &mut dyn Observer) {
+    pub(in crate::session) fn join_by_serial(&mut self, id: NodeId, frame: &Frame, out: &mut dyn Observer) {
         let numbers = |node: &Node| {
             let number = |sub| node.store.number(ObjectAddress::new(0x1018, sub));
             Some([number(1)?, number(2)?, number(4).filter(|serial| *serial != 0)?])
@@ -59,18 +62,19 @@ impl Bus {
         if let Some(by) = assigned.filter(|_| is_open) {
             self.assign(id, &device, by);
         }
-        let kind = EventKind::NodeIdChange { from: Some(from), to: id, by: "serial number" };
+        let kind =
+            EventKind::NodeIdChange { from: Some(from.number()), to: id.number(), by: "serial number" };
         self.emit(frame, id, false, kind, out);
     }
 
     /// The node whose node-ID object holds `id`, waiting for a restart.
-    fn told_to_be(&self, id: u8) -> Option<u8> {
+    fn told_to_be(&self, id: NodeId) -> Option<NodeId> {
         let is_told = |node: &&Node| {
             node.id != id
                 && node.store.all_waiting().any(|(object, waiting)| {
                     let meaning = node.meaning(object).filter(|it| it.role == Some(Role::NodeId));
                     let number = meaning.and_then(|meaning| integer(&meaning.decode(&waiting.value)));
-                    number == Some(i64::from(id))
+                    number == Some(i64::from(id.number()))
                 })
         };
         self.nodes().find(is_told).map(|node| node.id)
@@ -78,8 +82,8 @@ impl Bus {
 
     fn change_node_id(
         &mut self,
-        from: Option<u8>,
-        to: u8,
+        from: Option<NodeId>,
+        to: NodeId,
         by: &'static str,
         frame: &Frame,
         out: &mut dyn Observer,
@@ -93,11 +97,17 @@ impl Bus {
             }
             self.reset_by_move(to);
         }
-        self.emit(frame, to, false, EventKind::NodeIdChange { from, to, by }, out);
+        self.emit(
+            frame,
+            to,
+            false,
+            EventKind::NodeIdChange { from: from.map(NodeId::number), to: to.number(), by },
+            out,
+        );
     }
 
     /// PDOs that keep the identifier of the old node-ID, by the device's manual.
-    fn staying(&self, id: u8) -> Vec<(PdoName, CanId)> {
+    fn staying(&self, id: NodeId) -> Vec<(PdoName, CanId)> {
         let Some(node) = self.node(id) else { return Vec::new() };
         let names = node.device.identity_change.cob_ids_stay.iter().filter_map(|name| name.parse().ok());
         let free = names.filter(|name| self.routes.learnt_id(Service::Pdo(*name, id)).is_none());
@@ -105,7 +115,7 @@ impl Bus {
     }
 
     /// Objects that fall back to their defaults with a new node-ID.
-    fn reset_by_move(&mut self, id: u8) {
+    fn reset_by_move(&mut self, id: NodeId) {
         let Some(node) = self.node(id) else { return };
         let ranges = node.device.identity_change.resets.clone();
         let objects: Vec<_> = node.store.sorted().into_iter().map(|(object, _)| object).collect();
@@ -119,13 +129,13 @@ impl Bus {
 }
 
 /// Identifier of a PDO by the predefined connection set (CiA 301 §7.3.3, table 39): four of each have one.
-fn predefined(name: PdoName, node: u8) -> Option<CanId> {
+fn predefined(name: PdoName, node: NodeId) -> Option<CanId> {
     let base = match name.direction {
         PdoDirection::Transmit => 0x180,
         PdoDirection::Receive => 0x200,
     };
     let step = name.number.checked_sub(1).filter(|step| *step < 4)?;
-    Some(CanId::standard(base + 0x100 * step + u16::from(node)))
+    Some(CanId::standard(base + 0x100 * step + u16::from(node.number())))
 }
 
 #[cfg(test)]

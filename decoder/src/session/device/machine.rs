@@ -7,6 +7,7 @@ use crate::profile::Device;
 use crate::profile::device::{Machine, State, Transition, Trigger};
 use crate::session::node::Node;
 use crate::session::{Bus, Observer};
+use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::nmt::NmtService;
 
@@ -60,7 +61,7 @@ impl Why {
 
 impl Bus {
     /// The control word of a machine travels in the PDO of this slot.
-    pub(super) fn commanded_by(&mut self, id: u8, device: &Device, object: ObjectAddress, slot: usize) {
+    pub(super) fn commanded_by(&mut self, id: NodeId, device: &Device, object: ObjectAddress, slot: usize) {
         for (place, machine) in device.machines.iter().enumerate() {
             if machine.control.object.object == object
                 && let Some(state) = self.machine_mut(id, place)
@@ -146,7 +147,7 @@ impl Bus {
     /// Remembers a step to a commanded state; tells the way when that is reached in more than one.
     fn step(
         &mut self,
-        id: u8,
+        id: NodeId,
         place: usize,
         machine: &Machine,
         to: Option<u8>,
@@ -183,7 +184,7 @@ impl Bus {
         Some(Box::new(Path { states, frames, duration: self.clock.runs().then_some(duration) }))
     }
 
-    fn machine_mut(&mut self, id: u8, place: usize) -> Option<&mut MachineState> {
+    fn machine_mut(&mut self, id: NodeId, place: usize) -> Option<&mut MachineState> {
         let machines = &mut self.node_mut(id)?.behaviour.machines;
         if machines.len() <= place {
             machines.resize(place + 1, MachineState::default());

@@ -11,6 +11,7 @@ use crate::profile::{PdoDirection, PdoName, Role, integer};
 use crate::session::node::Node;
 use crate::session::store::OriginKind;
 use crate::session::{Bus, Observer};
+use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
 /// Procedures of a node that run at once.
@@ -59,7 +60,7 @@ impl Bus {
     /// Something happened that procedures may wait for.
     pub(super) fn procedures_saw(
         &mut self,
-        id: u8,
+        id: NodeId,
         happened: &dyn Fn(&Trigger) -> bool,
         frame: &Frame,
         out: &mut dyn Observer,
@@ -89,7 +90,14 @@ impl Bus {
         }
     }
 
-    fn start(&mut self, id: u8, place: usize, procedure: &Procedure, frame: &Frame, out: &mut dyn Observer) {
+    fn start(
+        &mut self,
+        id: NodeId,
+        place: usize,
+        procedure: &Procedure,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
         let time = self.clock.now();
         let range = procedure.invalidates.clone();
         self.doubt_values(id, |object| range.iter().any(|range| range.covers(object, 0, 0)));
@@ -112,7 +120,7 @@ impl Bus {
     }
 
     /// Preconditions that the bus shows not to hold.
-    fn unmet(&self, id: u8, procedure: &Procedure) -> String {
+    fn unmet(&self, id: NodeId, procedure: &Procedure) -> String {
         let Some(node) = self.node(id) else { return String::new() };
         let pdo = PdoName { direction: PdoDirection::Receive, number: 1 };
         let subject = Subject { object: ObjectAddress::default(), channel: None, pdo };
@@ -125,7 +133,7 @@ impl Bus {
 
     fn go_on(
         &mut self,
-        id: u8,
+        id: NodeId,
         place: usize,
         procedure: &Procedure,
         step: usize,
@@ -148,7 +156,7 @@ impl Bus {
     #[expect(clippy::too_many_arguments, reason = "what ended, how, where")]
     fn finish_procedure(
         &mut self,
-        id: u8,
+        id: NodeId,
         place: usize,
         procedure: &Procedure,
         status: ProcedureStatus,
@@ -178,7 +186,7 @@ impl Bus {
     /// Bits of an object changed.
     pub(super) fn bits_trigger(
         &mut self,
-        id: u8,
+        id: NodeId,
         object: ObjectAddress,
         before: Option<u64>,
         raw: u64,
@@ -201,7 +209,7 @@ impl Bus {
     /// An object was written or read that procedures may wait for.
     pub(super) fn procedures_saw_object(
         &mut self,
-        id: u8,
+        id: NodeId,
         object: ObjectAddress,
         value: &[u8],
         kind: OriginKind,
@@ -240,7 +248,7 @@ impl Bus {
     #[expect(clippy::too_many_arguments, reason = "a procedure, its status, where")]
     fn status_read(
         &mut self,
-        id: u8,
+        id: NodeId,
         place: usize,
         procedure: &Procedure,
         outcome: ProcedureStatus,
@@ -262,7 +270,7 @@ impl Bus {
     /// A node-ID or bit rate was written: what it brings, and when.
     pub(super) fn announced(
         &mut self,
-        id: u8,
+        id: NodeId,
         object: ObjectAddress,
         value: &[u8],
         kind: OriginKind,
@@ -285,7 +293,7 @@ impl Bus {
     /// Tells a change of node-ID or bit rate that no profile describes.
     pub(in crate::session) fn announce(
         &self,
-        id: u8,
+        node: impl Into<Option<NodeId>>,
         change: Announcement,
         frame: &Frame,
         out: &mut dyn Observer,
@@ -302,7 +310,7 @@ impl Bus {
             object: None,
             takes_over: false,
         };
-        self.emit(frame, id, false, EventKind::Procedure(Box::new(event)), out);
+        self.emit(frame, node, false, EventKind::Procedure(Box::new(event)), out);
     }
 }
 

@@ -11,6 +11,7 @@ use crate::profile::{Effect, Storage};
 use crate::session::node::Node;
 use crate::session::store::{Origin, OriginKind};
 use crate::session::{Bus, Observer};
+use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
 /// How thoroughly a node starts anew.
@@ -46,7 +47,7 @@ struct Change {
 
 impl Bus {
     /// Why a node starts now; the command that explains it is used up.
-    pub(in crate::session) fn boot_cause(&mut self, id: u8) -> BootCause {
+    pub(in crate::session) fn boot_cause(&mut self, id: NodeId) -> BootCause {
         let sign = self.power_sign(id);
         // A reset of all also means a node of which nothing was heard since.
         let before = self.node(id).map_or(0, |node| node.last_frame);
@@ -61,7 +62,7 @@ impl Bus {
     }
 
     /// Values that will be gone, of those written: for the event that tells the start.
-    pub(in crate::session) fn settings_lost(&self, id: u8) -> u32 {
+    pub(in crate::session) fn settings_lost(&self, id: NodeId) -> u32 {
         let Some(node) = self.node(id) else { return 0 };
         let lost = lost(node).into_iter().filter(|change| {
             let entry = node.store.get(change.object);
@@ -73,7 +74,7 @@ impl Bus {
     /// What a start does to the values known of a node.
     pub(in crate::session) fn restarted(
         &mut self,
-        id: u8,
+        id: NodeId,
         cause: BootCause,
         frame: &Frame,
         out: &mut dyn Observer,
@@ -110,7 +111,7 @@ impl Bus {
         self.tell_changes(id, changes, frame, out);
     }
 
-    fn tell_changes(&mut self, id: u8, changes: Vec<Change>, frame: &Frame, out: &mut dyn Observer) {
+    fn tell_changes(&mut self, id: NodeId, changes: Vec<Change>, frame: &Frame, out: &mut dyn Observer) {
         for Change { object, from, to, origin } in changes {
             if from == to {
                 continue;
@@ -129,7 +130,7 @@ impl Bus {
     }
 
     /// An object has another value without a message: identifiers and times follow.
-    fn fell_back(&mut self, id: u8, object: ObjectAddress) {
+    fn fell_back(&mut self, id: NodeId, object: ObjectAddress) {
         if let Some(node) = self.node_mut(id) {
             let decides = node.device.emcy.byte_order.as_ref().and_then(Order::object) == Some(object);
             node.emcy_order = node.emcy_order.filter(|_| !decides);

@@ -12,6 +12,7 @@ use crate::profile::{Layout, Meaning, PdoName, Role, Value};
 use crate::session::node::Node;
 use crate::session::timers::Subject as Timer;
 use crate::session::{Bus, Observer};
+use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
 /// Transmission types up to this one wait for SYNC (CiA 301 §7.5.2.35).
@@ -55,7 +56,7 @@ impl Bus {
     /// Set points in an RPDO changed.
     pub(super) fn set_points_changed(
         &mut self,
-        id: u8,
+        id: NodeId,
         name: PdoName,
         layout: &Layout,
         plan: &Plan,
@@ -88,19 +89,19 @@ impl Bus {
     }
 
     /// Queues a deadline unless one is queued: when it comes due it is asked again what waits.
-    fn await_sync(&mut self, id: u8, deadline: i64) {
+    fn await_sync(&mut self, id: NodeId, deadline: i64) {
         let Some(node) = self.node_mut(id) else { return };
         if !std::mem::replace(&mut node.behaviour.sync_queued, true) {
             self.timers.add(deadline, Timer::SetPoint(id));
         }
     }
 
-    fn set_point_mut(&mut self, id: u8, place: usize) -> Option<&mut SetPointState> {
+    fn set_point_mut(&mut self, id: NodeId, place: usize) -> Option<&mut SetPointState> {
         self.node_mut(id)?.behaviour.set_points.get_mut(place)
     }
 
     /// Place of a set point; its meaning is the present one.
-    fn set_point(&mut self, id: u8, pdo: PdoName, meaning: &Arc<Meaning>) -> Option<usize> {
+    fn set_point(&mut self, id: NodeId, pdo: PdoName, meaning: &Arc<Meaning>) -> Option<usize> {
         let points = &mut self.node_mut(id)?.behaviour.set_points;
         let known = points.iter().position(|it| it.meaning.object == meaning.object && it.pdo == pdo);
         if let Some(place) = known {
@@ -145,7 +146,7 @@ impl Bus {
     }
 
     /// A deadline of set points that wait for SYNC: those that waited long enough do not act.
-    pub(in crate::session) fn sync_deadline(&mut self, id: u8, now: i64, out: &mut dyn Observer) {
+    pub(in crate::session) fn sync_deadline(&mut self, id: NodeId, now: i64, out: &mut dyn Observer) {
         let Some(node) = self.node_mut(id) else { return };
         node.behaviour.sync_queued = false;
         for place in 0..node.behaviour.set_points.len() {
@@ -169,7 +170,7 @@ impl Bus {
     /// Tells a new value: it acts, or does not, from `frame` on.
     fn tell_set_point(
         &mut self,
-        id: u8,
+        id: NodeId,
         place: usize,
         value: Value,
         came: Moment<()>,
@@ -198,7 +199,7 @@ impl Bus {
     }
 
     /// Something changed that gates look at: tells set points that began or ceased to act.
-    pub(in crate::session) fn reassess(&mut self, id: u8, frame: &Frame, out: &mut dyn Observer) {
+    pub(in crate::session) fn reassess(&mut self, id: NodeId, frame: &Frame, out: &mut dyn Observer) {
         let now = self.clock.now();
         let Some(node) = self.node(id) else { return };
         let mut changes = Vec::new();
@@ -309,7 +310,7 @@ mod tests {
         let mut catalogue = Catalogue::default();
         catalogue.add_text("pump.toml", PROFILE).unwrap();
         let device = catalogue.device("acme-pump").unwrap();
-        let assignment = Assignment { bus: None, node: 2, device, by: AssignedBy::Option };
+        let assignment = Assignment { bus: None, node: NodeId::Canopen(2), device, by: AssignedBy::Option };
         let options = SessionOptions { assignments: vec![assignment], ..SessionOptions::default() };
         let mut bus = Bus::new(BusIndex(0), "can0", Arc::new(options));
         let mut told = Vec::new();

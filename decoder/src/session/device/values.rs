@@ -11,6 +11,7 @@ use crate::profile::{DataType, Effect, Entry, Found, Storage};
 use crate::session::node::Node;
 use crate::session::store::{Origin, OriginKind, Waiting};
 use crate::session::{Bus, Observer};
+use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
 /// Store parameters and restore default parameters (CiA 301 §7.5.2.13, §7.5.2.14).
@@ -32,7 +33,7 @@ impl Bus {
     /// Puts a value seen in a confirmed transfer into the store and lets it take effect.
     pub(in crate::session) fn learn_object(
         &mut self,
-        id: u8,
+        id: NodeId,
         object: ObjectAddress,
         value: &[u8],
         kind: OriginKind,
@@ -60,7 +61,7 @@ impl Bus {
 
     fn written(
         &mut self,
-        id: u8,
+        id: NodeId,
         learnt: Learnt<'_>,
         device: &Device,
         found: Option<Found<'_>>,
@@ -88,7 +89,7 @@ impl Bus {
     /// A value that acts from a restart on.
     fn waits(
         &mut self,
-        id: u8,
+        id: NodeId,
         learnt: Learnt<'_>,
         entry: Option<&Entry>,
         frame: &Frame,
@@ -106,7 +107,7 @@ impl Bus {
 
     fn read(
         &mut self,
-        id: u8,
+        id: NodeId,
         learnt: Learnt<'_>,
         entry: Option<&Entry>,
         frame: &Frame,
@@ -122,7 +123,7 @@ impl Bus {
 
     fn set(
         &mut self,
-        id: u8,
+        id: NodeId,
         learnt: Learnt<'_>,
         entry: Option<&Entry>,
         frame: &Frame,
@@ -148,7 +149,7 @@ impl Bus {
 
     fn tell_change(
         &mut self,
-        id: u8,
+        id: NodeId,
         learnt: Learnt<'_>,
         from: Option<Vec<u8>>,
         entry: Option<&Entry>,
@@ -168,7 +169,7 @@ impl Bus {
     }
 
     /// "save" keeps values over a restart, "load" voids what is kept.
-    fn stored(&mut self, id: u8, object: ObjectAddress, value: &[u8], device: &Device) {
+    fn stored(&mut self, id: NodeId, object: ObjectAddress, value: &[u8], device: &Device) {
         let Some(node) = self.node_mut(id) else { return };
         let is_save = object.index == STORE && value == b"save";
         // Without a word of the device: any later write is unsaved again.
@@ -182,7 +183,7 @@ impl Bus {
     }
 
     /// Objects whose known value is void after a write.
-    fn void(&mut self, id: u8, found: Found<'_>) {
+    fn void(&mut self, id: NodeId, found: Found<'_>) {
         let Some(entry) = found.entry.filter(|entry| !entry.invalidates.is_empty()) else { return };
         let stride = found.object.repeat.stride;
         let covers = |object: ObjectAddress| {
@@ -193,7 +194,7 @@ impl Bus {
     }
 
     /// Values of these objects may be others now.
-    pub(in crate::session) fn doubt_values(&mut self, id: u8, covers: impl Fn(ObjectAddress) -> bool) {
+    pub(in crate::session) fn doubt_values(&mut self, id: NodeId, covers: impl Fn(ObjectAddress) -> bool) {
         let Some(node) = self.node_mut(id) else { return };
         for object in Arc::make_mut(&mut node.store).doubt_all(covers) {
             self.routes.refresh_dependents(id, object);
@@ -203,7 +204,7 @@ impl Bus {
     /// A device put a value of its own: as its manual says, so it is assumed.
     pub(in crate::session) fn fell_back_to(
         &mut self,
-        id: u8,
+        id: NodeId,
         object: ObjectAddress,
         value: i64,
         frame: &Frame,
@@ -220,7 +221,7 @@ impl Bus {
     }
 
     /// A node booted: what it was told and did not save may be gone, where the device does not tell.
-    pub(in crate::session) fn forget_unsaved(&mut self, id: u8) {
+    pub(in crate::session) fn forget_unsaved(&mut self, id: NodeId) {
         let Some(node) = self.node_mut(id) else { return };
         if node.saved || node.store().is_empty() {
             return;

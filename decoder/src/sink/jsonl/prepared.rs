@@ -15,6 +15,7 @@ use crate::profile::PdoName;
 use crate::query::record::signals;
 use crate::session::Bus;
 use crate::sink::ascii::{push_decimal, push_hex, push_hex_word, push_nine, push_part, push_seconds};
+use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 
 /// Tails of PDOs: the predefined ones have their own place each (0x180 to 0x57F).
@@ -30,7 +31,7 @@ const SECOND_TEXT: usize = 32;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Key {
     protocol: Protocol,
-    node: Option<u8>,
+    node: Option<NodeId>,
     presumed: bool,
     what: What,
 }
@@ -100,7 +101,7 @@ impl Key {
     #[inline]
     fn place(&self, bus: &Bus) -> usize {
         let bus = usize::from(bus.index().0);
-        let node = usize::from(self.node.unwrap_or(0));
+        let node = self.node.map_or(0, NodeId::place);
         let other = |place: usize| PDO_TAILS + (place + bus * 83) % OTHER_TAILS;
         match self.what {
             What::Pdo { cob_id, .. } => (cob_id.number() as usize + bus * 83) % PDO_TAILS,
@@ -235,7 +236,8 @@ mod tests {
 
     /// A bus with nodes 1 to 3, the second and third with names.
     fn bus(index: u8, name: &str) -> Bus {
-        let node_names = vec![(2, "boom \"\u{1}".into()), (3, format!("jib{index}"))];
+        let node_names =
+            vec![(NodeId::Canopen(2), "boom \"\u{1}".into()), (NodeId::Canopen(3), format!("jib{index}"))];
         let options = Arc::new(SessionOptions { node_names, ..SessionOptions::default() });
         let mut bus = Bus::new(BusIndex(index), name, options);
         for node in 1..=3 {
@@ -297,7 +299,7 @@ mod tests {
                 bus: BusIndex(0),
                 frames: FrameRange { first: last.saturating_sub(before), last },
                 protocol: Protocol::Canopen,
-                node,
+                node: node.map(NodeId::Canopen),
                 presumed,
                 routine: false,
                 kind,

@@ -17,7 +17,7 @@ pub(super) type Said = (&'static str, String, Tone);
 pub(super) fn words(event: &Event) -> Option<Said> {
     Some(match &event.kind {
         EventKind::NodeIdentified(node) => {
-            let id = event.node.unwrap_or(0);
+            let id = event.node.map_or(String::new(), |node| node.to_string());
             let what = format!(
                 "is {}, told by its {}; --node {id}={} reads it so from the first frame",
                 node.title, node.by, node.device

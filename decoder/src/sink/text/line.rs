@@ -12,6 +12,7 @@ use crate::profile;
 use crate::query::record::{can_error_text, device as device_of, time_of_day};
 use crate::session::Bus;
 use crate::sink::ascii::{push_code, push_decimal, push_spaced_hex};
+use crate::wire::NodeId;
 use crate::wire::canopen::lss::Content;
 use crate::wire::canopen::nmt::NmtService;
 
@@ -76,7 +77,7 @@ fn words(event: &Event, bus: &Bus) -> Words {
     let words = |kind, what: String, tone| Words { who: who.clone(), kind, what, tone };
     match &event.kind {
         EventKind::NmtCommand { service, target, from, to } => {
-            let to_whom = if *target == 0 { "all".to_owned() } else { node_short(*target, bus) };
+            let to_whom = if *target == 0 { "all".to_owned() } else { node_short((*target).into(), bus) };
             let from = from.map_or("?", |from| from.name());
             let what = match (service, to) {
                 (NmtService::Unknown(code), _) => format!("unknown NMT command {code:02X}"),
@@ -206,27 +207,36 @@ fn frame(undecoded: &Undecoded) -> String {
     format!("{}{fd}{remote} [{}] {}{name}", frame.id, frame.length, bytes(frame.data()))
 }
 
-/// `32/20 boom`.
-fn node_label(node: u8, bus: &Bus) -> String {
-    let name = bus.node(node).and_then(|node| node.name());
-    format!("{node}/{node:02X}{}{}", if name.is_some() { " " } else { "" }, name.unwrap_or(""))
+/// `32/20 boom`, `SA80 boom2`.
+pub(super) fn node_label(node: NodeId, bus: &Bus) -> String {
+    let mut label = Vec::new();
+    push_node(node, bus, &mut label);
+    String::from_utf8(label).unwrap_or_default()
 }
 
-/// Appends `32/20 boom`.
-fn push_node(node: u8, bus: &Bus, out: &mut Vec<u8>) {
-    push_decimal(out, u64::from(node));
-    out.push(b'/');
-    push_code(out, u32::from(node), 2);
+/// Appends `32/20 boom`, `SA80 boom2`.
+pub(super) fn push_node(node: NodeId, bus: &Bus, out: &mut Vec<u8>) {
+    if let NodeId::Canopen(id) = node {
+        push_decimal(out, u64::from(id));
+        out.push(b'/');
+    } else {
+        out.extend_from_slice(b"SA");
+    }
+    push_code(out, u32::from(node.number()), 2);
     if let Some(name) = bus.node(node).and_then(|node| node.name()) {
         out.push(b' ');
         out.extend_from_slice(name.as_bytes());
     }
 }
 
-/// `32 boom`.
-pub(super) fn node_short(node: u8, bus: &Bus) -> String {
+/// `32 boom`, `SA80 boom2`.
+pub(super) fn node_short(node: NodeId, bus: &Bus) -> String {
     let name = bus.node(node).and_then(|node| node.name());
-    format!("{node}{}{}", if name.is_some() { " " } else { "" }, name.unwrap_or(""))
+    let number = match node {
+        NodeId::Canopen(id) => id.to_string(),
+        NodeId::J1939(address) => format!("SA{address:02X}"),
+    };
+    format!("{number}{}{}", if name.is_some() { " " } else { "" }, name.unwrap_or(""))
 }
 
 /// Appends ` {118}`, ` {118-121}`.

@@ -106,7 +106,7 @@ mod tests {
             bus: BusIndex(0),
             frames: FrameRange::one(1),
             protocol: Protocol::Canopen,
-            node: Some(1),
+            node: Some(1.into()),
             presumed: false,
             routine: false,
             kind: EventKind::Pdo(Pdo {

@@ -12,7 +12,7 @@ use crate::session::Bus;
 /// The columns of a transfer.
 pub(super) fn words(transfer: &SdoTransfer, event: &Event, bus: &Bus) -> Words {
     let server = event.node.map_or(String::new(), |node| node_short(node, bus));
-    let client = transfer.client.map_or("client".to_owned(), |client| node_short(client, bus));
+    let client = transfer.client.map_or("client".to_owned(), |client| node_short(client.into(), bus));
     let kind = match transfer.direction {
         Some(Direction::Download) => "SDO w",
         Some(Direction::Upload) => "SDO r",

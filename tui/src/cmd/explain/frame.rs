@@ -83,7 +83,7 @@ fn by_mode(frame: &Frame, names: &BusNames, asked: &Asked) -> Option<String> {
         for value in values {
             let object = when.object.object;
             let mut options = options(frame.id, asked);
-            options.bus_file.everywhere.objects.push((node, object, ObjectValue::Number(*value)));
+            options.bus_file.everywhere.objects.push((node.into(), object, ObjectValue::Number(*value)));
             let heading = equals(device, object, &Numbers::One(*value), "=");
             let lines = decoded(frame, names, options, false, |_| {});
             let _ = write!(text, "if {}:\n{lines}", heading.replace(FIRM, " "));
@@ -95,7 +95,12 @@ fn by_mode(frame: &Frame, names: &BusNames, asked: &Asked) -> Option<String> {
 /// The node of the frame is the device that was named.
 fn options(id: CanId, asked: &Asked) -> SessionOptions {
     let assign = |device: &Arc<Device>| {
-        let one = |node| Assignment { bus: None, node, device: Arc::clone(device), by: AssignedBy::Option };
+        let one = |node: u8| Assignment {
+            bus: None,
+            node: node.into(),
+            device: Arc::clone(device),
+            by: AssignedBy::Option,
+        };
         nodes(id, device).into_iter().map(one).collect()
     };
     SessionOptions {

@@ -3,6 +3,7 @@
 use cobscope_decoder::event::Certainty;
 use cobscope_decoder::session::{Bus, Node};
 use cobscope_decoder::statistics::{BusStatistics, CodeCounts, Distribution, Intervals, NodeStatistics};
+use cobscope_decoder::wire::NodeId;
 use serde_json::{Value, json};
 
 use super::Report;
@@ -74,11 +75,11 @@ fn bus_record(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics) -> Val
     })
 }
 
-fn node_record(bus: &Bus, id: u8, node: &NodeStatistics, end: Option<i64>) -> Value {
+fn node_record(bus: &Bus, id: NodeId, node: &NodeStatistics, end: Option<i64>) -> Value {
     let known = bus.node(id);
     let nmt = known.and_then(Node::nmt);
     json!({
-        "node": id,
+        "node": id.number(),
         "name": known.and_then(|node| node.name()),
         "nmt": nmt.map(|nmt| nmt.state.name()),
         "nmt_confirmed": nmt.map(|nmt| nmt.certainty == Certainty::Confirmed),

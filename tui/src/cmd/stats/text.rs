@@ -181,7 +181,7 @@ fn nodes(bus: &Bus, statistics: &BusStatistics, end: Option<i64>, start: i64, te
         let (beat, worst) = heartbeat(node, start);
         let emcy = node.emcy.codes.iter().map(|(_, count)| count).sum::<u64>() + node.emcy.others;
         table.row([
-            format!("{id}/{id:02X}"),
+            id.label(),
             known.and_then(|node| node.name()).unwrap_or("").to_owned(),
             state,
             node.boots.to_string(),
@@ -203,7 +203,7 @@ fn nodes(bus: &Bus, statistics: &BusStatistics, end: Option<i64>, start: i64, te
         ids.sort_unstable();
         let ids: Vec<String> = ids.iter().map(|(name, id)| format!("{name} {id}")).collect();
         if !ids.is_empty() {
-            let _ = writeln!(text, " {:>6}  PDOs: {}", format!("{id}/{id:02X}"), ids.join(", "));
+            let _ = writeln!(text, " {:>6}  PDOs: {}", id.label(), ids.join(", "));
         }
         let (requests, replies) = node.guarding;
         if requests > 0 {
@@ -211,7 +211,7 @@ fn nodes(bus: &Bus, statistics: &BusStatistics, end: Option<i64>, start: i64, te
             let _ = writeln!(
                 text,
                 " {:>6}  guarding: {replies} of {requests} requests answered;{every}",
-                format!("{id}/{id:02X}")
+                id.label()
             );
         }
     }
@@ -251,7 +251,8 @@ fn sdo(statistics: &BusStatistics, text: &mut String) {
         let times = &node.sdo_duration;
         let _ = writeln!(
             text,
-            "{id:>3}/{id:02X}    {:>6}  {:>7}  {:>9}  {:>5}  {:>7} {:>7} {:>7} {:>7}  {:>13}",
+            "{:>6}    {:>6}  {:>7}  {:>9}  {:>5}  {:>7} {:>7} {:>7} {:>7}  {:>13}",
+            id.label(),
             node.sdo.complete,
             node.sdo.aborted,
             node.sdo.timeout,
@@ -270,15 +271,15 @@ fn codes(statistics: &BusStatistics, text: &mut String) {
     for (id, node) in &statistics.nodes {
         for (code, count) in node.aborts.sorted() {
             let words = profile::abort_codes().text(code);
-            lines.push(format!("{id:>3}/{id:02X}   SDO abort {code:08X} {words}: {count}"));
+            lines.push(format!("{:>6}   SDO abort {code:08X} {words}: {count}", id.label()));
         }
         for (code, count) in node.emcy.sorted() {
             let words = profile::emcy_codes().find(code).map_or("no CiA 301 code", |entry| &entry.text);
-            lines.push(format!("{id:>3}/{id:02X}   EMCY {code:04X} {words}: {count}"));
+            lines.push(format!("{:>6}   EMCY {code:04X} {words}: {count}", id.label()));
         }
         let others = node.aborts.others + node.emcy.others;
         if others > 0 {
-            lines.push(format!("{id:>3}/{id:02X}   further codes: {others}"));
+            lines.push(format!("{:>6}   further codes: {others}", id.label()));
         }
     }
     if !lines.is_empty() {

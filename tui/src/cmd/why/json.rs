@@ -5,6 +5,7 @@ use cobscope_decoder::frame::{BusIndex, Timestamp};
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::sink::jsonl::Jsonl;
 use cobscope_decoder::why::{Grade, Moment, NodeState, PointState, Quiet, Report, Rhythm};
+use cobscope_decoder::wire::NodeId;
 use serde_json::{Value, json};
 
 /// One line, without its end. Events are put in as they are: their times have more digits than a float.
@@ -23,7 +24,7 @@ pub(super) fn line(
     let suggestions = report.suggestions.iter().map(|it| {
         json!({
             "bus": page.bus_name(it.bus),
-            "node": it.node,
+            "node": it.node.number(),
             "profile": it.profile,
             "title": it.title,
             "because": it.because,
@@ -33,7 +34,7 @@ pub(super) fn line(
         report.doubts.iter().map(|(bus, reason)| json!({"bus": page.bus_name(*bus), "reason": reason}));
     let members = [
         ("capture", json!(capture).to_string()),
-        ("node", json!(chosen.map(|chosen| chosen.node)).to_string()),
+        ("node", json!(chosen.map(|chosen| chosen.node.number())).to_string()),
         ("at", json!(at).to_string()),
         ("fault", fault),
         ("presumed", report.is_presumed.to_string()),
@@ -101,7 +102,7 @@ impl Page<'_> {
             ("seconds", seconds.unwrap_or_else(|| "null".into())),
             ("frame", moment.frame.to_string()),
             ("bus", json!(self.bus_name(moment.bus)).to_string()),
-            ("node", json!(moment.node).to_string()),
+            ("node", json!(moment.node.map(NodeId::number)).to_string()),
             ("events", self.events(&moment.events)),
             ("more", moment.more.to_string()),
         ])
@@ -113,7 +114,7 @@ impl Page<'_> {
         let states = state.states.iter().map(|(channel, name)| json!({"channel": channel, "state": name}));
         json!({
             "bus": self.bus_name(state.bus),
-            "node": state.node,
+            "node": state.node.number(),
             "name": node.and_then(|node| node.name()),
             "device": node.and_then(|node| node.device_id()),
             "nmt": state.nmt.map(|nmt| nmt.state.name()),

@@ -21,9 +21,9 @@ use crate::frame::Frame;
 use crate::profile::{Effect, Entry};
 use crate::session::timers::Subject;
 use crate::session::{Bus, Observer};
-use crate::wire::Malformed;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::{self, Sdo, Side};
+use crate::wire::{Malformed, NodeId};
 
 impl Bus {
     pub(in crate::session) fn on_sdo(
@@ -34,6 +34,7 @@ impl Bus {
         out: &mut dyn Observer,
     ) {
         let Some(server) = self.channels.server(channel) else { return };
+        let node = NodeId::Canopen(server);
         match side {
             Side::Client => self.belief.saw_request(server, frame.data()),
             Side::Server => self.belief.saw_response(server, frame.data()),
@@ -43,17 +44,17 @@ impl Bus {
         }
         let now = self.clock.now();
         if side == Side::Server {
-            self.heard(server, frame, out);
+            self.heard(node, frame, out);
         }
         let Some(phase) = self.channels.phase(channel, side) else { return };
         let message = match sdo::parse(frame.data(), side, phase) {
             Ok(message) => message,
-            Err(error) => return self.malformed(frame, server, error, "too short for its SDO command", out),
+            Err(error) => return self.malformed(frame, node, error, "too short for its SDO command", out),
         };
         if let Sdo::Unknown { command } = message {
             self.channels.saw_unknown(channel, side, command);
             let error = Malformed { layer: "sdo", offset: 0, needed: 0, available: frame.length };
-            return self.malformed(frame, server, error, "unknown SDO command specifier", out);
+            return self.malformed(frame, node, error, "unknown SDO command specifier", out);
         }
         let command = frame.data().first().copied().unwrap_or(0);
         if !self.belief.is_believed() {
@@ -67,11 +68,11 @@ impl Bus {
         }
         let finished = self.channels.take(channel, side, message, command, frame, now);
         for transfer in finished.into_iter().flatten() {
-            self.finish_transfer(server, transfer, frame, out);
+            self.finish_transfer(node, transfer, frame, out);
         }
         if self.channels.take_overflow() {
             let kind = EventKind::Evicted { what: "data of open SDO transfers", count: 1 };
-            self.emit(frame, server, false, kind, out);
+            self.emit(frame, node, false, kind, out);
         }
         if self.clock.runs() {
             let deadline = now.saturating_add(self.options.sdo_silence);
@@ -90,7 +91,7 @@ impl Bus {
                 let Some(server) = self.channels.server(channel) else { return };
                 let mut frame = Frame { number: transfer.frames.last, ..Frame::EMPTY };
                 frame.time = self.clock.stamp_of(deadline);
-                self.finish_transfer(server, transfer, &frame, out);
+                self.finish_transfer(NodeId::Canopen(server), transfer, &frame, out);
             }
         }
     }
@@ -99,14 +100,14 @@ impl Bus {
     pub(in crate::session) fn finish_transfers(&mut self, out: &mut dyn Observer) {
         let frame = Frame { number: self.last_frame, time: self.last_time, ..Frame::EMPTY };
         for (server, transfer) in self.channels.drain() {
-            self.finish_transfer(server, transfer, &frame, out);
+            self.finish_transfer(NodeId::Canopen(server), transfer, &frame, out);
         }
     }
 
     /// Emits a transfer and lets its value take effect. `frame` is the one that ended it.
     fn finish_transfer(
         &mut self,
-        server: u8,
+        server: NodeId,
         mut transfer: Box<Transfer>,
         frame: &Frame,
         out: &mut dyn Observer,
@@ -132,18 +133,19 @@ impl Bus {
     }
 
     /// The value before a transfer: seen, or as delivered.
-    fn previous(&self, server: u8, object: Option<ObjectAddress>) -> (Option<Vec<u8>>, bool) {
+    fn previous(&self, server: NodeId, object: Option<ObjectAddress>) -> (Option<Vec<u8>>, bool) {
         let (Some(node), Some(object)) = (self.node(server), object) else { return (None, false) };
         if let Some(entry) = node.store().get(object) {
             return (Some(entry.value.clone()), entry.stale);
         }
         let entry = node.device().dictionary.find(object).and_then(|found| found.entry);
-        let number = entry.and_then(|entry| Some((entry.default_number(Some(server))?, entry.data_type)));
+        let number =
+            entry.and_then(|entry| Some((entry.default_number(Some(server.number()))?, entry.data_type)));
         (number.and_then(|(number, data_type)| encode(number, data_type).ok()), true)
     }
 
     /// When a write acts and whether it stays, where the device's profile tells.
-    fn consequence(&self, server: u8, transfer: &Transfer) -> (Option<Effect>, Option<&'static str>) {
+    fn consequence(&self, server: NodeId, transfer: &Transfer) -> (Option<Effect>, Option<&'static str>) {
         let is_write =
             transfer.direction == Some(Direction::Download) && transfer.outcome == Outcome::Complete;
         let object = transfer.object.filter(|_| is_write);
@@ -152,7 +154,7 @@ impl Bus {
     }
 
     /// The transfer as an event; its data moves there.
-    fn describe(&self, server: u8, transfer: &mut Transfer) -> SdoTransfer {
+    fn describe(&self, server: NodeId, transfer: &mut Transfer) -> SdoTransfer {
         let (request, response) =
             self.channel_ids(transfer.channel).unwrap_or((Frame::EMPTY.id, Frame::EMPTY.id));
         let (previous, previous_assumed) = self.previous(server, transfer.object);

@@ -1,0 +1,142 @@
+//! Which node of a bus: the two ways of numbering them that may share one.
+
+use std::fmt;
+use std::str::FromStr;
+
+/// A node by the number it has now.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum NodeId {
+    /// CANopen node-ID, 1..=127 (CiA 301 §7.3.3).
+    Canopen(u8),
+    /// J1939 address, 0..=253 (SAE J1939-81 §4.3).
+    J1939(u8),
+}
+
+/// Places of a table of all nodes.
+pub const NODE_PLACES: usize = 128 + 256;
+
+/// Addresses a device can have (J1939-81 §4.3): 254 is none, 255 all.
+const LAST_ADDRESS: u8 = 253;
+
+impl NodeId {
+    /// The number itself.
+    pub const fn number(self) -> u8 {
+        match self {
+            Self::Canopen(number) | Self::J1939(number) => number,
+        }
+    }
+
+    /// Node-ID of a CANopen node.
+    pub const fn canopen(self) -> Option<u8> {
+        match self {
+            Self::Canopen(id) => Some(id),
+            Self::J1939(_) => None,
+        }
+    }
+
+    /// Address of a J1939 node.
+    pub const fn j1939(self) -> Option<u8> {
+        match self {
+            Self::Canopen(_) => None,
+            Self::J1939(address) => Some(address),
+        }
+    }
+
+    /// Whether a node can have this number.
+    pub const fn is_valid(self) -> bool {
+        match self {
+            Self::Canopen(id) => id >= 1 && id <= 127,
+            Self::J1939(address) => address <= LAST_ADDRESS,
+        }
+    }
+
+    /// What lines call it: `32/20`, `SA80`.
+    pub fn label(self) -> String {
+        match self {
+            Self::Canopen(id) => format!("{id}/{id:02X}"),
+            Self::J1939(address) => format!("SA{address:02X}"),
+        }
+    }
+
+    /// The same within a sentence: `node 32/20`, `SA80`.
+    pub fn words(self) -> String {
+        match self {
+            Self::Canopen(_) => format!("node {}", self.label()),
+            Self::J1939(_) => self.label(),
+        }
+    }
+
+    /// Its place among [`NODE_PLACES`].
+    pub const fn place(self) -> usize {
+        match self {
+            Self::Canopen(id) => (id & 0x7F) as usize,
+            Self::J1939(address) => 128 + address as usize,
+        }
+    }
+
+    /// All numbers a node can have, in order.
+    pub fn all() -> impl Iterator<Item = Self> {
+        (1..=127).map(Self::Canopen).chain((0..=LAST_ADDRESS).map(Self::J1939))
+    }
+}
+
+/// A CANopen node-ID.
+impl From<u8> for NodeId {
+    fn from(id: u8) -> Self {
+        Self::Canopen(id)
+    }
+}
+
+/// `32`, `sa:0x80`: as the user gives them.
+impl fmt::Display for NodeId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Canopen(id) => write!(f, "{id}"),
+            Self::J1939(address) => write!(f, "sa:0x{address:02X}"),
+        }
+    }
+}
+
+/// `5`, `0x20`, `sa:128`, `sa:0x80`.
+impl FromStr for NodeId {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let (number, is_address) = match text.strip_prefix("sa:") {
+            Some(number) => (number, true),
+            None => (text, false),
+        };
+        let number = match number.strip_prefix("0x") {
+            Some(digits) => u8::from_str_radix(digits, 16).ok(),
+            None => number.parse().ok(),
+        };
+        let id = number.map(if is_address { Self::J1939 } else { Self::Canopen });
+        id.filter(|id| id.is_valid()).ok_or("a node-ID is 1 to 127, a J1939 address sa:0 to sa:253")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_of_the_user() {
+        assert_eq!("32".parse(), Ok(NodeId::Canopen(32)));
+        assert_eq!("0x20".parse(), Ok(NodeId::Canopen(32)));
+        assert_eq!("sa:0x80".parse(), Ok(NodeId::J1939(0x80)));
+        assert_eq!("sa:0".parse(), Ok(NodeId::J1939(0)));
+        for wrong in ["0", "128", "sa:254", "sa:", "sa:0x100", "-1", ""] {
+            assert!(wrong.parse::<NodeId>().is_err(), "{wrong}");
+        }
+        assert_eq!(NodeId::J1939(0x80).to_string(), "sa:0x80");
+    }
+
+    #[test]
+    fn every_node_has_a_place_of_its_own() {
+        let mut places: Vec<_> = NodeId::all().map(NodeId::place).collect();
+        let count = places.len();
+        places.dedup();
+        assert_eq!((places.len(), count), (127 + 254, 127 + 254));
+        assert!(places.iter().all(|place| *place < NODE_PLACES));
+    }
+}
