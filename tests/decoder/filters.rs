@@ -38,9 +38,10 @@ fn the_kind_and_what_is_joined_to_it() {
 
 #[test]
 fn a_field_alone_asks_whether_it_is_there() {
-    assert_eq!(matching("abort"), ["sdo-transfer"; 3]);
-    assert_eq!(matching("signals"), ["pdo"; 2]);
-    assert_eq!(matching("missing == 2001sub1"), ["pdo"]);
+    assert_eq!(matching("abort && protocol == canopen && kind == sdo-transfer"), ["sdo-transfer"; 3]);
+    assert_eq!(matching("abort.by == receiver"), ["j1939-transfer"]);
+    assert_eq!(matching("signals && kind == pdo"), ["pdo"; 2]);
+    assert_eq!(matching("missing == 2001sub1"), ["pdo", "j1939-message"]);
     assert_eq!(matching("toggle_error"), ["guard-reply"]);
     assert_eq!(matching("last_emcy"), ["node-lost"], "null is not there");
     assert_eq!(matching("!(kind == lss) && !node_name").len(), 0);
@@ -63,10 +64,10 @@ fn one_value_of_several_is_enough() {
     assert_eq!(matching("frames == 5").len(), 0);
     assert_eq!(matching("frames in {1..3}").len(), all);
     assert_eq!(matching("frames != 3").len(), all, "the other one is 4");
-    assert_eq!(matching("signals.id == 2001sub1"), ["pdo"]);
-    assert_eq!(matching("signals.value == -2"), ["pdo"]);
+    assert_eq!(matching("signals.id == 2001sub1 && kind == pdo"), ["pdo"]);
+    assert_eq!(matching("signals.value == -2 && kind == pdo"), ["pdo"]);
     assert_eq!(matching("signals.value > 199"), ["pdo"; 2]);
-    assert_eq!(matching("signals.name == speed"), ["pdo"; 2]);
+    assert_eq!(matching("signals.name == speed && kind == pdo"), ["pdo"; 2]);
     assert_eq!(matching("can.id in {0x600..0x67F}"), ["sdo-transfer"; 5]);
 }
 
@@ -111,7 +112,7 @@ fn a_key_of_several_meanings_goes_by_the_value() {
 fn a_filter_knows_its_kinds() {
     let kinds = |text| filter(text).kinds().names().collect::<Vec<_>>();
     assert_eq!(kinds("kind == emcy"), ["emcy"]);
-    assert_eq!(kinds("abort.code == 0x06020000"), ["sdo-transfer"]);
+    assert_eq!(kinds("abort.code == 0x06020000"), ["sdo-transfer", "j1939-transfer"]);
     assert_eq!(kinds("mode == block"), ["sdo-transfer"]);
     assert_eq!(kinds("counter == 1 || register == 1"), ["sync", "emcy"]);
     assert_eq!(kinds("node == 1 && !(kind != pdo)"), ["pdo"]);

@@ -24,6 +24,7 @@ mod properties;
 mod replay;
 mod same_events;
 mod sample_events;
+mod sample_j1939;
 mod scene;
 mod schema;
 #[path = "../support/mod.rs"]

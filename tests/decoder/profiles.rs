@@ -1,12 +1,14 @@
 //! Bundled profiles against their own samples, and samples against being wrong.
 
+#![expect(clippy::panic, reason = "a test that cannot go on has failed")]
+
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::fs;
 use std::sync::Arc;
 
 use cobscope_decoder::profile::device::{ProfileFile, Sample};
-use cobscope_decoder::profile::{Catalogue, Device, check};
+use cobscope_decoder::profile::{Catalogue, Device, ProfileError, check};
 use cobscope_decoder::samples::check_samples;
 
 use crate::support::workspace;
@@ -230,11 +232,13 @@ fn a_sample_that_shows_nothing_is_wrong() {
 
 #[test]
 fn a_sample_belongs_to_a_node() {
-    for node in [0, 128] {
-        assert_eq!(
-            wrong(&format!("node = {node}\nframes = [\"081#\"]\nemcy = 0x8110")),
-            [format!("16: acme-pump: sample: node: {node}: a node-ID is 1 to 127")]
-        );
+    for node in ["0", "128", "\"sa:254\""] {
+        let sample = format!("{PUMP}[[sample]]\nnode = {node}\nframes = [\"081#\"]\nemcy = 0x8110");
+        let Err(ProfileError::Broken { errors, .. }) = Catalogue::default().add_text("pump.toml", &sample)
+        else {
+            panic!("node {node} is taken")
+        };
+        assert_eq!(errors[0].message, "a node-ID is 1 to 127, a J1939 address sa:0 to sa:253");
     }
 }
 

@@ -13,7 +13,7 @@ use cobscope_decoder::event::{
 use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags, MAX_DATA, Timestamp};
 use cobscope_decoder::profile::object::{BitName, BitNames, Names};
 use cobscope_decoder::profile::{
-    Catalogue, DataType, Effect, Factor, Field, Layout, Meaning, PdoDirection, PdoName,
+    Carrier, Catalogue, DataType, Effect, Factor, Field, Layout, Meaning, PdoDirection, PdoName,
 };
 use cobscope_decoder::session::{AssignedBy, Assignment, Bus, SessionOptions};
 use cobscope_decoder::wire::Malformed;
@@ -23,8 +23,11 @@ use cobscope_decoder::wire::canopen::nmt::NmtService;
 use cobscope_decoder::wire::canopen::{NmtState, ObjectAddress};
 use cobscope_decoder::wire::error_frame;
 
+use crate::sample_j1939;
+
 /// A device with a text of its own for an abort code.
-const PROFILE: &str = "id = \"acme-pump\"\ntitle = \"PUMP\"\n[[abort]]\ncode = 0x06020000\ntext = \"gone\"\n";
+const PROFILE: &str = "id = \"acme-pump\"\ntitle = \"PUMP\"\n[[abort]]\ncode = 0x06020000\ntext = \"gone\"\n\
+                       [[j1939.dtc]]\nspn = 298985\nfmi = 19\ntext = \"time guarding\"\n";
 
 /// A bus on which node 2, named `ABCD`, was heard; it is an `acme-pump`.
 pub fn bus() -> Bus {
@@ -68,6 +71,7 @@ pub fn all() -> Vec<Event> {
         transfers(),
         layer_setting(),
         bus_and_capture(),
+        sample_j1939::all(&layout()),
     ]
     .concat();
     kinds.into_iter().map(event).collect()
@@ -152,7 +156,7 @@ fn states_and_set_points() -> Vec<EventKind> {
         signal: "Position set point".into(),
         short: None,
         channel: Some(1),
-        pdo: PdoName { direction: PdoDirection::Receive, number: 1 },
+        carrier: Carrier::Pdo(PdoName { direction: PdoDirection::Receive, number: 1 }),
         from: Some(Quantity { number: Some(0.5), text: "0.5 %".into() }),
         to: Quantity { number: None, text: "float".into() },
         unit: "%".into(),
@@ -167,6 +171,7 @@ fn states_and_set_points() -> Vec<EventKind> {
         EventKind::SetPoint(Box::new(SetPoint {
             from: None,
             to: Quantity { number: Some(1.0), text: "1.0 %".into() },
+            carrier: Carrier::Message("AVC".into()),
             ..point.clone()
         })),
         EventKind::SetPoint(Box::new(point)),
@@ -219,6 +224,21 @@ fn words_and_procedures() -> Vec<EventKind> {
     ]
 }
 
+/// A value with a name, one without, and the number of a parameter.
+fn layout() -> Arc<Layout> {
+    let field = |sub, name: Option<&str>, bit, data_type| Field {
+        meaning: name.map(|name| Arc::new(meaning(name))),
+        ..Field::of_object(ObjectAddress::new(0x2001, sub), bit, 8, data_type)
+    };
+    Arc::new(Layout {
+        fields: vec![field(0, Some("speed"), 0, DataType::Unsigned8), field(1, None, 8, DataType::Integer8)],
+        bits: 16,
+        origin: "wire",
+        assumed: true,
+        depends: Vec::new(),
+    })
+}
+
 fn messages() -> Vec<EventKind> {
     let emergency = Emergency {
         code: Some(0x8130),
@@ -241,24 +261,14 @@ fn messages() -> Vec<EventKind> {
         ..emergency
     };
     let ready_commanded = Emergency { boot: Some(BootCause::Commanded { frame: 3 }), ..ready };
-    let field = |sub, name: Option<&str>, bit, data_type| Field {
-        meaning: name.map(|name| Arc::new(meaning(name))),
-        ..Field::of_object(ObjectAddress::new(0x2001, sub), bit, 8, data_type)
-    };
-    let layout = Layout {
-        fields: vec![field(0, Some("speed"), 0, DataType::Unsigned8), field(1, None, 8, DataType::Integer8)],
-        bits: 16,
-        origin: "wire",
-        assumed: true,
-        depends: Vec::new(),
-    };
+    let layout = layout();
     let mut pdo = Pdo {
         name: PdoName { direction: PdoDirection::Transmit, number: 1 },
         cob_id: CanId::standard(0x182),
         is_request: false,
         length: 2,
         bytes: [0; MAX_DATA],
-        layout: Some(Arc::new(layout)),
+        layout: Some(layout),
     };
     pdo.bytes[..2].copy_from_slice(&[200, 0xFE]);
     vec![

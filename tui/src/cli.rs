@@ -343,8 +343,10 @@ pub enum StampStyle {
 pub enum Protocol {
     /// By evidence
     Auto,
-    /// CANopen whatever the evidence
+    /// CANopen whatever the evidence, and nothing else
     Canopen,
+    /// J1939 whatever the evidence, and nothing else
+    J1939,
     /// No protocol: frames only
     None,
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::profile::PdoName;
+use crate::profile::Carrier;
 use crate::wire::canopen::ObjectAddress;
 
 /// A node that was recognised.
@@ -135,8 +135,8 @@ pub struct SetPoint {
     pub short: Option<String>,
     /// Output of the device.
     pub channel: Option<u8>,
-    /// PDO it came by.
-    pub pdo: PdoName,
+    /// PDO or message it came by.
+    pub carrier: Carrier,
     /// Value before, as people write it.
     pub from: Option<Quantity>,
     /// Value now.

@@ -4,12 +4,18 @@
 //! deadline's time. Names of kinds and of their keys in output are in `query/`.
 
 mod device;
+mod j1939;
 mod node;
 mod transfer;
 
 pub use device::{
     BitsChanged, Conflict, DeviceCause, DeviceState, Effective, ModeChange, NodeIdentified, Path,
     ProcedureEvent, Quantity, SetPoint,
+};
+pub use j1939::{
+    AddressClaim, ClaimAction, CommandedAddress, Contention, Dtc, DtcAction, Irregularity, IrregularityKind,
+    J1939Acknowledgement, J1939Message, J1939Request, J1939Transfer, MessageGap, Timer, TransportAbort,
+    TransportMode,
 };
 pub use node::{BootCause, Certainty, EmcyAction, Emergency, PowerSign, Silence, StateCause, StateChange};
 pub use transfer::{Abort, Crc, Direction, Mode, Outcome, Pdo, SdoTransfer};
@@ -124,6 +130,24 @@ pub enum EventKind {
     Conflict(Box<Conflict>),
     /// The object store learnt another value.
     ObjectChange(Box<ObjectChange>),
+    /// A J1939 message of one frame.
+    J1939Message(J1939Message),
+    /// A J1939 message of several packets.
+    J1939Transfer(Box<J1939Transfer>),
+    /// A request for a J1939 group.
+    J1939Request(J1939Request),
+    /// An answer to a request or command that carries no data.
+    Acknowledgement(J1939Acknowledgement),
+    /// A device claims an address, or cannot.
+    AddressClaim(AddressClaim),
+    /// A device is told to take another address.
+    CommandedAddress(CommandedAddress),
+    /// A diagnostic trouble code was raised, left or was cleared.
+    Dtc(Box<Dtc>),
+    /// A message came later than the device's manual permits.
+    MessageGap(Box<MessageGap>),
+    /// Something irregular within a transport session.
+    TransportIrregularity(Box<Irregularity>),
     /// The controller's report of an error.
     CanError(ErrorFrame),
     /// A frame nothing more is known of; `name` where its service is named.
@@ -198,6 +222,15 @@ impl EventKind {
             Self::Procedure(_) => "procedure",
             Self::Conflict(_) => "conflict",
             Self::ObjectChange(_) => "object-change",
+            Self::J1939Message(_) => "j1939-message",
+            Self::J1939Transfer(_) => "j1939-transfer",
+            Self::J1939Request(_) => "j1939-request",
+            Self::Acknowledgement(_) => "acknowledgement",
+            Self::AddressClaim(_) => "address-claim",
+            Self::CommandedAddress(_) => "commanded-address",
+            Self::Dtc(_) => "dtc",
+            Self::MessageGap(_) => "message-gap",
+            Self::TransportIrregularity(_) => "transport-irregularity",
             Self::CanError(_) => "can-error",
             Self::Frame(_) => "frame",
             Self::Malformed { .. } => "malformed",

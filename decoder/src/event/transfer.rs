@@ -51,7 +51,7 @@ pub enum Mode {
     Block,
 }
 
-/// How an SDO transfer ended.
+/// How a transfer ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
     /// As it should.
@@ -60,8 +60,10 @@ pub enum Outcome {
     Aborted,
     /// Nothing more came within the silence limit.
     Timeout,
-    /// The client began another one.
+    /// Another one began in its place.
     Superseded,
+    /// It came to its end, but not all of it was seen.
+    Incomplete,
     /// The capture ended first.
     Unfinished,
 }
@@ -74,6 +76,7 @@ impl Outcome {
             Self::Aborted => "aborted",
             Self::Timeout => "timeout",
             Self::Superseded => "superseded",
+            Self::Incomplete => "incomplete",
             Self::Unfinished => "unfinished",
         }
     }

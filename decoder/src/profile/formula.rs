@@ -1,10 +1,11 @@
 //! Numbers that depend on the node-ID: `$NODEID+0x180` (CiA 306-1 §4.6.3), in profiles and device files.
 
-/// `$NODEID+0x180`, `0x180+$NODEID`, `0x1A0`, with spaces, in any case; `None` for other texts, and where it
-/// asks for a node-ID that is not known.
+/// `$NODEID+0x180`, `0x180+$NODEID`, `$NODEID-0x80`, `0x1A0`, with spaces, in any case; `None` for other texts,
+/// for numbers below 0, and where it asks for a node-ID that is not known.
 pub fn formula(text: &str, node: Option<u8>) -> Option<u64> {
     let mut sum: u64 = 0;
-    for part in text.split('+').map(str::trim) {
+    for part in text.replace('-', "+-").split('+').map(str::trim) {
+        let (is_less, part) = part.strip_prefix('-').map_or((false, part), |rest| (true, rest.trim()));
         let number = if part.eq_ignore_ascii_case("$NODEID") {
             u64::from(node?)
         } else {
@@ -13,7 +14,7 @@ pub fn formula(text: &str, node: Option<u8>) -> Option<u64> {
                 None => part.parse().ok()?,
             }
         };
-        sum = sum.checked_add(number)?;
+        sum = if is_less { sum.checked_sub(number)? } else { sum.checked_add(number)? };
     }
     Some(sum)
 }
@@ -28,6 +29,9 @@ mod tests {
         assert_eq!(formula("0x180 + $nodeid", Some(5)), Some(0x185));
         assert_eq!(formula("0x1A0", None), Some(0x1A0));
         assert_eq!(formula("384", Some(5)), Some(0x180));
+        assert_eq!(formula("$NODEID-0x80", Some(0x83)), Some(3));
+        assert_eq!(formula("$NODEID - 0x80", Some(5)), None);
+        assert_eq!(formula("$NODEID+", Some(5)), None);
         assert_eq!(formula("$NODEID+0x180", None), None);
         assert_eq!(formula("$NODE+1", Some(5)), None);
         assert_eq!(formula("", Some(5)), None);

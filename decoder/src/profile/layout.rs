@@ -8,7 +8,7 @@ use std::ops::RangeInclusive;
 use std::str::FromStr;
 use std::sync::Arc;
 
-use super::data_type::{DataType, Value};
+use super::data_type::{DataType, Value, sign_extend};
 use super::meaning::Meaning;
 use crate::wire::canopen::ObjectAddress;
 
@@ -90,6 +90,25 @@ impl<'de> serde::Deserialize<'de> for PdoName {
     }
 }
 
+/// What brings values of a node.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Carrier {
+    /// A PDO.
+    Pdo(PdoName),
+    /// A J1939 message, by the name the profile gives it.
+    Message(Arc<str>),
+}
+
+/// `RPDO1`, `AVC`.
+impl fmt::Display for Carrier {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Pdo(name) => write!(f, "{name}"),
+            Self::Message(name) => f.write_str(name),
+        }
+    }
+}
+
 /// What a signal is the value of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SignalId {
@@ -122,7 +141,7 @@ pub enum BitOrder {
     BigEndian,
 }
 
-/// When a multiplexed field is there.
+/// When a multiplexed field is there. The field that selects may be selected itself.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Selector {
     /// Place in the layout of the field that selects.
@@ -138,7 +157,8 @@ pub struct Field {
     pub id: SignalId,
     /// What its values mean, if known.
     pub meaning: Option<Arc<Meaning>>,
-    /// First bit of the payload, counted from the least significant bit of byte 0.
+    /// Where it begins: bit `n % 8` of byte `n / 8`, bit 0 of a byte being its least significant one. That is
+    /// the field's least significant bit, of one with the most significant bit first that one.
     pub bit: u16,
     /// Width in bits, 1..=64.
     pub bits: u16,
@@ -181,20 +201,40 @@ pub struct Signal<'a> {
     pub value: Value,
 }
 
-impl Layout {
-    /// Values of all fields the payload is long enough for.
-    pub fn signals<'a>(&'a self, payload: &'a [u8]) -> impl Iterator<Item = Signal<'a>> {
-        self.fields.iter().filter_map(move |field| {
-            let raw = field.extract(payload)?;
-            Some(Signal { field, raw, value: field.data_type.number(raw) })
-        })
-    }
-}
+/// Fields that select one another in a row. Vector's tools have no limit; nobody nests more than three.
+const DEEPEST_SELECTION: usize = 8;
 
 impl Layout {
-    /// Fields a payload is too short for.
+    /// Values of all fields the payload has: it is long enough for them, and a multiplexed one is selected.
+    pub fn signals<'a>(&'a self, payload: &'a [u8]) -> impl Iterator<Item = Signal<'a>> {
+        let selected = self.fields.iter().filter(move |field| self.is_selected(field, payload));
+        selected.filter_map(move |field| {
+            let raw = field.extract(payload)?;
+            Some(Signal { field, raw, value: field.value(raw) })
+        })
+    }
+
+    /// Fields a payload is too short for. One that is not selected is not missed.
     pub fn missing<'a>(&'a self, payload: &'a [u8]) -> impl Iterator<Item = &'a Field> {
-        self.fields.iter().filter(move |field| field.extract(payload).is_none())
+        self.fields
+            .iter()
+            .filter(move |field| field.extract(payload).is_none() && self.is_selected(field, payload))
+    }
+
+    /// Whether all fields that select this one, each by the next, have such a value. Bounded, for a layout
+    /// made of a file may select in a circle.
+    fn is_selected(&self, field: &Field, payload: &[u8]) -> bool {
+        let mut selector = &field.present;
+        for _ in 0..DEEPEST_SELECTION {
+            let Some(wanted) = selector else { return true };
+            let Some(by) = self.fields.get(wanted.field) else { return false };
+            let Some(raw) = by.extract(payload) else { return false };
+            if !wanted.values.iter().any(|range| range.contains(&raw)) {
+                return false;
+            }
+            selector = &by.present;
+        }
+        selector.is_none()
     }
 }
 
@@ -229,14 +269,43 @@ impl Field {
     /// The field's bits in `payload`; `None` if it is too short.
     pub fn extract(&self, payload: &[u8]) -> Option<RawValue> {
         let first = usize::from(self.bit / 8);
-        let end = usize::from(self.bit.checked_add(self.bits)?.div_ceil(8));
+        let end = usize::from(self.end()?.div_ceil(8));
         let bytes = payload.get(first..end)?;
         // Up to nine bytes: 64 bits that do not start at a byte.
-        let wide = bytes.iter().rev().fold(0_u128, |value, byte| value << 8 | u128::from(*byte));
+        let join = |value: u128, byte: &u8| value << 8 | u128::from(*byte);
+        let (wide, below) = match self.order {
+            BitOrder::LittleEndian => (bytes.iter().rev().fold(0, join), self.bit % 8),
+            BitOrder::BigEndian => (bytes.iter().fold(0, join), (8 - self.end()? % 8) % 8),
+        };
         let mask = if self.bits >= 64 { u64::MAX } else { (1 << self.bits) - 1 };
         #[expect(clippy::cast_possible_truncation, reason = "masked to 64 bits")]
-        let low = (wide >> (self.bit % 8)) as u64;
+        let low = (wide >> below) as u64;
         Some(low & mask)
+    }
+
+    /// Bits of a payload up to the end of the field, counted in its order: of one with the most significant
+    /// bit first, bit 7 of byte 0 is the first of all.
+    ///
+    /// ```text
+    /// byte     |       0       |        1        |
+    /// bit      |7 6 5 4 3 2 1 0|15 14 … 10  9   8|   as `bit` counts
+    ///          |0 1 2 3 4 5 6 7| 8  9 … 13 14  15|   in the order of a big-endian field
+    /// ```
+    pub fn end(&self) -> Option<u16> {
+        let first = match self.order {
+            BitOrder::LittleEndian => self.bit,
+            BitOrder::BigEndian => (self.bit & !7) | (7 - self.bit % 8),
+        };
+        first.checked_add(self.bits)
+    }
+
+    /// The number of bits taken by [`Self::extract`]; the sign of an integer is the field's uppermost bit.
+    pub fn value(&self, raw: RawValue) -> Value {
+        if self.data_type.is_signed() {
+            Value::Integer(sign_extend(raw, self.bits.min(self.data_type.bits().unwrap_or(64))))
+        } else {
+            self.data_type.number(raw)
+        }
     }
 }
 
@@ -263,6 +332,54 @@ mod tests {
     fn sixty_four_bits_off_a_byte_boundary() {
         let payload = [0xF0, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x0F];
         assert_eq!(field(4, 64, DataType::Unsigned64).extract(&payload), Some(u64::MAX));
+    }
+
+    #[test]
+    fn the_most_significant_bit_first() {
+        let big = |bit, bits, data_type| Field { order: BitOrder::BigEndian, ..field(bit, bits, data_type) };
+        // 0001_0010 0011_0100 0101_0110.
+        let payload = [0x12, 0x34, 0x56];
+        assert_eq!(big(7, 16, DataType::Unsigned16).extract(&payload), Some(0x1234));
+        assert_eq!(big(3, 12, DataType::Unsigned16).extract(&payload), Some(0x234));
+        // From bit 5 of byte 0 on: 01_0010 0011_0.
+        assert_eq!(big(5, 11, DataType::Unsigned16).extract(&payload), Some(0b010_0100_0110));
+        assert_eq!(big(0, 17, DataType::Unsigned24).extract(&payload), Some(0x3456));
+        assert_eq!(big(16, 1, DataType::Boolean).extract(&payload), Some(0));
+        assert_eq!(big(16, 2, DataType::Unsigned8).extract(&payload), None);
+        let nine = [0x01, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFE];
+        assert_eq!(big(0, 64, DataType::Unsigned64).extract(&nine), Some(u64::MAX));
+    }
+
+    #[test]
+    fn the_sign_is_the_uppermost_bit_of_the_field() {
+        assert_eq!(field(0, 5, DataType::Integer8).value(0x1F), Value::Integer(-1));
+        assert_eq!(field(0, 5, DataType::Integer8).value(0x0F), Value::Integer(15));
+        assert_eq!(field(0, 64, DataType::Integer64).value(u64::MAX), Value::Integer(-1));
+    }
+
+    #[test]
+    fn a_multiplexed_field_is_there_when_those_before_it_select_it() {
+        let selected = |bit, by, values: &[RangeInclusive<u64>]| Field {
+            present: Some(Selector { field: by, values: values.to_vec() }),
+            ..field(bit, 8, DataType::Unsigned8)
+        };
+        let layout = Layout {
+            fields: vec![
+                field(0, 8, DataType::Unsigned8),
+                selected(8, 0, &[1..=1, 4..=6]),
+                selected(16, 1, &[9..=9]),
+                selected(24, 4, &[0..=255]),
+                selected(24, 3, &[0..=255]),
+            ],
+            ..Layout::default()
+        };
+        let bits = |payload: &[u8]| layout.signals(payload).map(|it| it.field.bit).collect::<Vec<_>>();
+        assert_eq!(bits(&[5, 9, 7, 0]), [0, 8, 16]);
+        assert_eq!(bits(&[1, 8, 7, 0]), [0, 8]);
+        // Of the third neither: the second is not there, whatever its bits are. The last two select each other.
+        assert_eq!(bits(&[2, 9, 7, 0]), [0]);
+        assert_eq!(layout.missing(&[5, 9]).map(|it| it.bit).collect::<Vec<_>>(), [16]);
+        assert_eq!(layout.missing(&[2]).count(), 0);
     }
 
     #[test]

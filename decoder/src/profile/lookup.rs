@@ -5,6 +5,7 @@ use std::sync::OnceLock;
 use serde::Deserialize;
 
 use super::parse;
+use crate::wire::j1939::Pgn;
 
 /// One code of a table.
 #[derive(Debug, Clone, Deserialize)]
@@ -97,6 +98,50 @@ pub(super) fn units() -> &'static Vec<String> {
 pub fn abort_codes() -> &'static Codes {
     static TABLE: OnceLock<Codes> = OnceLock::new();
     TABLE.get_or_init(|| parse("lookups/sdo_abort_codes.toml"))
+}
+
+/// Reasons of a connection abort (J1939-21 §5.10.3.4).
+pub fn transport_aborts() -> &'static Codes {
+    static TABLE: OnceLock<Codes> = OnceLock::new();
+    TABLE.get_or_init(|| parse("lookups/transport_aborts.toml"))
+}
+
+/// Failure mode identifiers (J1939-73 appendix A).
+pub fn failure_modes() -> &'static Codes {
+    static TABLE: OnceLock<Codes> = OnceLock::new();
+    TABLE.get_or_init(|| parse("lookups/failure_modes.toml"))
+}
+
+/// Industry groups of a NAME (J1939-81 §4.1.1.2).
+pub fn industry_groups() -> &'static Bits {
+    #[derive(Default, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct File {
+        class: Vec<Bit>,
+    }
+    static TABLE: OnceLock<Bits> = OnceLock::new();
+    TABLE.get_or_init(|| Bits(parse::<File>("lookups/industry_groups.toml").class))
+}
+
+/// Name of a parameter group that belongs to the protocols themselves.
+pub fn pgn_name(pgn: Pgn) -> Option<String> {
+    #[derive(Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Group {
+        number: u32,
+        to: Option<u32>,
+        name: String,
+    }
+    #[derive(Default, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct File {
+        pgn: Vec<Group>,
+    }
+    static TABLE: OnceLock<Vec<Group>> = OnceLock::new();
+    let groups = TABLE.get_or_init(|| parse::<File>("lookups/pgns.toml").pgn);
+    let number = pgn.number();
+    let group = groups.iter().find(|it| (it.number..=it.to.unwrap_or(it.number)).contains(&number))?;
+    Some(group.name.replace("{n}", &number.saturating_sub(group.number).to_string()))
 }
 
 /// EMCY error codes and classes (CiA 301 §7.2.7.1).

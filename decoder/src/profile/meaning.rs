@@ -18,6 +18,41 @@ pub struct Factor {
     pub full_scale: Option<(ObjectAddress, f64)>,
 }
 
+/// Codes of a parameter that carry no value (SAE J1939-71 §5.1.4, tables 1 and 2).
+///
+/// ```text
+/// bits           error          not available
+/// 2..=7          all but bit 0  all
+/// 8              FE             FF
+/// 16, 24, 32, …  FExx…          FFxx…
+/// others         -              all
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Indicators {
+    /// Width of the parameter in bits.
+    pub bits: u16,
+    /// Largest raw value; codes up to it are values.
+    pub largest: u64,
+}
+
+impl Indicators {
+    /// What a code says; `None` for values and codes that are reserved.
+    pub fn label(self, raw: u64) -> Option<&'static str> {
+        let all = u64::MAX.checked_shr(64_u32.checked_sub(u32::from(self.bits))?)?;
+        if raw <= self.largest || raw > all {
+            return None;
+        }
+        let top = if self.bits.is_multiple_of(8) { raw >> (self.bits - 8) } else { 0 };
+        match (self.bits, top) {
+            (8.., 0xFF) => Some("not available"),
+            (8.., 0xFE) => Some("error"),
+            (2.., _) if raw == all => Some("not available"),
+            (2..=7, _) if raw == all - 1 => Some("error"),
+            _ => None,
+        }
+    }
+}
+
 /// How one object is read.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Meaning {
@@ -37,6 +72,8 @@ pub struct Meaning {
     pub scale: Option<Factor>,
     /// Digits after the point.
     pub decimals: u8,
+    /// Digits after the point no value has more of; 0 if that is not known.
+    pub digits: u8,
     /// Permitted raw values.
     pub range: Option<[i64; 2]>,
     /// Permitted values in `unit`.
@@ -45,6 +82,8 @@ pub struct Meaning {
     pub values: Option<Arc<Names>>,
     /// Raw values that are no quantity.
     pub special: Option<Arc<Names>>,
+    /// Raw values above the largest one that say why there is none (SAE J1939-71).
+    pub indicators: Option<Indicators>,
     /// Named bits.
     pub bits: Option<Arc<BitNames>>,
     /// What it is for the device.
@@ -88,13 +127,23 @@ impl Meaning {
     pub fn label(&self, value: &Value) -> Option<&str> {
         let number = integer(value)?;
         let special = self.special.as_deref().and_then(|names| names.get(number));
-        special.or_else(|| self.values.as_deref().and_then(|names| names.get(number)))
+        let named = special.or_else(|| self.values.as_deref().and_then(|names| names.get(number)));
+        named.or_else(|| self.indicated(value))
+    }
+
+    /// What a code beyond the values says.
+    fn indicated(&self, value: &Value) -> Option<&'static str> {
+        match value {
+            Value::Unsigned(raw) => self.indicators?.label(*raw),
+            _ => None,
+        }
     }
 
     /// Whether a value lies outside what the manual permits.
     pub fn is_outside(&self, value: &Value) -> bool {
         let Some(number) = integer(value) else { return false };
-        if self.special.as_deref().is_some_and(|names| names.get(number).is_some()) {
+        let is_special = self.special.as_deref().is_some_and(|names| names.get(number).is_some());
+        if is_special || self.indicated(value).is_some() {
             return false;
         }
         let outside_range = self.range.is_some_and(|[least, most]| number < least || number > most);

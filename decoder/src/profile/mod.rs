@@ -29,10 +29,12 @@ pub use data_type::{DataType, Value};
 pub use device::Device;
 pub use dictionary::{Dictionary, Entry, Found, Object};
 pub use formula::formula;
-pub use layout::{BitOrder, Field, Layout, PdoDirection, PdoName, RawValue, Selector, Signal, SignalId};
+pub use layout::{
+    BitOrder, Carrier, Field, Layout, PdoDirection, PdoName, RawValue, Selector, Signal, SignalId,
+};
 pub use lookup::{
-    Bits, CanErrors, Code, Codes, LssNames, abort_codes, can_errors, emcy_codes, error_register, fault_hints,
-    lss,
+    Bits, CanErrors, Code, Codes, LssNames, abort_codes, can_errors, emcy_codes, error_register,
+    failure_modes, fault_hints, industry_groups, lss, pgn_name, transport_aborts,
 };
 
 pub use meaning::{Factor, Meaning, bit_words, integer, word};
@@ -48,6 +50,12 @@ pub fn plain_device() -> &'static Arc<Device> {
         // A test parses every embedded file, so the empty device is never taken.
         Catalogue::default().device("cia301").unwrap_or_default()
     })
+}
+
+/// What ISO 11783 defines for all devices.
+pub fn isobus() -> &'static Arc<Device> {
+    static STANDARD: OnceLock<Arc<Device>> = OnceLock::new();
+    STANDARD.get_or_init(|| Catalogue::default().device("iso11783").unwrap_or_default())
 }
 
 use std::sync::{Arc, OnceLock};

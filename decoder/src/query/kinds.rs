@@ -5,7 +5,7 @@ use serde::de::{Deserialize, Deserializer, Error as _};
 use crate::event::EventKind;
 
 /// Names of all kinds; a kind's place here is its number in a [`KindSet`].
-const NAMES: [&str; 32] = [
+const NAMES: [&str; 41] = [
     "nmt-command",
     "nmt-state",
     "boot-up",
@@ -38,6 +38,15 @@ const NAMES: [&str; 32] = [
     "lost-frames",
     "unreadable",
     "note",
+    "j1939-message",
+    "j1939-transfer",
+    "j1939-request",
+    "acknowledgement",
+    "address-claim",
+    "commanded-address",
+    "dtc",
+    "message-gap",
+    "transport-irregularity",
 ];
 
 /// Place in [`NAMES`]. A new kind does not compile before it has one.
@@ -75,6 +84,15 @@ const fn number(kind: &EventKind) -> u32 {
         EventKind::LostFrames { .. } => 29,
         EventKind::Unreadable { .. } => 30,
         EventKind::Note { .. } => 31,
+        EventKind::J1939Message(_) => 32,
+        EventKind::J1939Transfer(_) => 33,
+        EventKind::J1939Request(_) => 34,
+        EventKind::Acknowledgement(_) => 35,
+        EventKind::AddressClaim(_) => 36,
+        EventKind::CommandedAddress(_) => 37,
+        EventKind::Dtc(_) => 38,
+        EventKind::MessageGap(_) => 39,
+        EventKind::TransportIrregularity(_) => 40,
     }
 }
 

@@ -56,7 +56,7 @@ impl Belief {
         let standing = match choice {
             ProtocolChoice::Auto => Standing::Presumed,
             ProtocolChoice::Canopen => Standing::Believed,
-            ProtocolChoice::None => Standing::Doubted,
+            ProtocolChoice::J1939 | ProtocolChoice::None => Standing::Doubted,
         };
         Self {
             choice,

@@ -6,6 +6,7 @@ use super::belief::Belief;
 use super::canopen::{Channels, LssState, SyncState};
 use super::clock::Clock;
 use super::device::Restart;
+use super::j1939::J1939Belief;
 use super::node::Node;
 use super::routes::{Origin, Routes, Service};
 use super::timers::Timers;
@@ -24,6 +25,7 @@ pub struct Bus {
     pub(super) name: Arc<str>,
     pub(super) options: Arc<SessionOptions>,
     pub(super) belief: Belief,
+    pub(super) j1939: J1939Belief,
     pub(super) clock: Clock,
     pub(super) timers: Timers,
     pub(super) routes: Routes,
@@ -63,6 +65,7 @@ impl Bus {
             index,
             name: name.into(),
             belief: Belief::new(options.protocol),
+            j1939: J1939Belief::new(options.protocol),
             options,
             clock: Clock::default(),
             timers: Timers::default(),
@@ -96,7 +99,7 @@ impl Bus {
             return self.emit_can(frame, kind, out);
         }
         let Some(slot) = self.routes.find(frame.id).or_else(|| self.add_slot(frame, out)) else {
-            return self.undecoded(frame, None, out);
+            return self.unslotted(frame, out);
         };
         let Some(service) = self.routes.slot(slot).map(|slot| slot.service) else { return };
         if frame.flags.contains(FrameFlags::FD) {
@@ -104,13 +107,25 @@ impl Bus {
         }
         match service {
             Service::Pdo(name, node) => self.on_pdo(slot, name, node, frame, out),
+            Service::J1939(id) => self.on_j1939(Some(slot), id, frame, out),
             Service::Unclassified => self.undecoded(frame, None, out),
             Service::Named(name) => self.undecoded(frame, Some(name), out),
             _ => self.on_service(service, frame, out),
         }
     }
 
-    /// The services that are not a PDO.
+    /// A frame of an identifier that is not kept apart: too many were seen.
+    #[cold]
+    fn unslotted(&mut self, frame: &Frame, out: &mut dyn Observer) {
+        match self.routes.origin(frame.id) {
+            Origin::J1939(id) if !frame.flags.contains(FrameFlags::FD) => {
+                self.on_j1939(None, id, frame, out);
+            }
+            _ => self.undecoded(frame, None, out),
+        }
+    }
+
+    /// The services that are neither PDO nor J1939.
     fn on_service(&mut self, service: Service, frame: &Frame, out: &mut dyn Observer) {
         // Only PDOs and error control are asked for by remote frames (CiA 301 §7.2.2, §7.2.8.3.2.1).
         if frame.flags.contains(FrameFlags::REMOTE) && !matches!(service, Service::ErrorControl(_)) {
@@ -124,13 +139,14 @@ impl Bus {
             Service::Nmt => self.on_nmt(frame, out),
             Service::Time => self.on_time(frame, out),
             Service::Lss(from_master) => self.on_lss(from_master, frame, out),
-            Service::Pdo(..) | Service::Unclassified | Service::Named(_) => {}
+            Service::Pdo(..) | Service::J1939(_) | Service::Unclassified | Service::Named(_) => {}
         }
     }
 
     /// Nothing more comes: ends what is open.
     pub fn finish(&mut self, out: &mut dyn Observer) {
         self.finish_transfers(out);
+        self.finish_messages(out);
         let (count, extended) = self.undecoded;
         if count > 0 {
             let frame = Frame { number: self.last_frame, time: self.last_time, ..Frame::EMPTY };
@@ -155,6 +171,7 @@ impl Bus {
         let service = match self.routes.origin(frame.id) {
             Origin::Learnt(service) => service,
             Origin::Default(owner) => self.service_of(owner),
+            Origin::J1939(id) => Service::J1939(id),
         };
         let slot = self.routes.add(frame.id, service);
         if slot.is_none() && !std::mem::replace(&mut self.said.extended_full, true) {
@@ -194,12 +211,17 @@ impl Bus {
         }
     }
 
-    /// CAN FD on CANopen identifiers is not decoded (CiA 1301 is another protocol).
+    /// CAN FD on CANopen and J1939 identifiers is not decoded (CiA 1301 and J1939-22 are other protocols).
     #[cold]
     fn fd_frame(&mut self, frame: &Frame, service: Service, out: &mut dyn Observer) {
-        let is_owned = !matches!(service, Service::Unclassified | Service::Named(_));
-        if is_owned && self.belief.is_believed() && !std::mem::replace(&mut self.said.fd, true) {
-            self.note(frame, "CAN FD frames on CANopen identifiers are left undecoded".into(), out);
+        let owner = match service {
+            Service::Unclassified | Service::Named(_) => None,
+            // J1939-22 puts other things into such frames.
+            Service::J1939(_) => self.j1939.is_believed().then_some("J1939"),
+            _ => self.belief.is_believed().then_some("CANopen"),
+        };
+        if let Some(owner) = owner.filter(|_| !std::mem::replace(&mut self.said.fd, true)) {
+            self.note(frame, format!("CAN FD frames on {owner} identifiers are left undecoded"), out);
         }
         self.undecoded(frame, None, out);
     }

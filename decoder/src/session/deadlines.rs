@@ -53,6 +53,9 @@ impl Bus {
     /// Moves every deadline that is not over yet by `delay`.
     fn postpone(&mut self, delay: i64) {
         self.channels.postpone(delay);
+        for cadence in self.routes.cadences_mut() {
+            cadence.postpone(delay);
+        }
         for node in &mut self.nodes {
             node.behaviour.postpone(delay);
             if let Some(deadline) = &mut node.heartbeat.deadline {
@@ -69,6 +72,7 @@ impl Bus {
                 Subject::SdoChannel(channel) => self.sdo_deadline(channel, now, out),
                 Subject::Heartbeat(node) => self.heartbeat_deadline(node, now, out),
                 Subject::SetPoint(node) => self.sync_deadline(node, now, out),
+                Subject::Message(slot) => self.message_deadline(slot, now, out),
             }
         }
     }

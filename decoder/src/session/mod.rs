@@ -15,6 +15,7 @@ mod deadlines;
 mod device;
 mod emit;
 mod given;
+mod j1939;
 mod node;
 mod nodes;
 
@@ -73,6 +74,8 @@ pub enum ProtocolChoice {
     Auto,
     /// CANopen, whatever the evidence.
     Canopen,
+    /// J1939, whatever the evidence.
+    J1939,
     /// Nothing: frames only.
     None,
 }

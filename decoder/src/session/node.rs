@@ -281,6 +281,11 @@ impl Node {
         self.attention = !settled || self.lost;
     }
 
+    /// What is wrong now, in words for people: codes of EMCY messages, faults of DM1.
+    pub(super) fn errors(&self) -> impl Iterator<Item = String> {
+        self.active_errors.iter().map(|code| format!("{code:04X}"))
+    }
+
     /// Adds an active error; `false` when an old one had to go.
     pub(super) fn raise(&mut self, code: u16) -> bool {
         self.last_error = Some(code);

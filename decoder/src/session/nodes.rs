@@ -58,6 +58,7 @@ impl Bus {
             _ if !self.belief.is_believed() => String::new(),
             None | Some(Service::Unclassified) => String::new(),
             Some(Service::Named(name)) => name.to_owned(),
+            Some(Service::J1939(_)) => String::new(),
             Some(Service::Nmt) => "NMT".to_owned(),
             Some(Service::Sync) => "SYNC".to_owned(),
             Some(Service::Time) => "TIME".to_owned(),

@@ -7,12 +7,14 @@ use foldhash::fast::FixedState;
 
 use super::EXTENDED_ID_LIMIT;
 use super::device::Planned;
+use super::j1939::Cadence;
 use crate::event::{Event, EventKind, Pdo};
 use crate::frame::CanId;
 use crate::profile::{Layout, Owner, PdoName, connection_set};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
+use crate::wire::j1939::J1939Id;
 
 /// Service and node of an identifier.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,21 +36,25 @@ pub(super) enum Service {
     ErrorControl(NodeId),
     /// LSS; `true` = from the master.
     Lss(bool),
+    /// A J1939 message.
+    J1939(J1939Id),
 }
 
 /// State of one identifier that was seen.
 #[derive(Debug, Clone)]
 pub(super) struct Slot {
     pub(super) service: Service,
-    /// The event of its last PDO, updated in place: no allocation a frame.
-    pub(super) pdo: Option<Box<Event>>,
+    /// The event of its last PDO or J1939 message, updated in place: no allocation a frame.
+    pub(super) prepared: Option<Box<Event>>,
     /// What of it matters to the device's doings.
     pub(super) plan: Option<Box<Planned>>,
+    /// How often it comes, where a manual bounds that.
+    pub(super) cadence: Option<Box<Cadence>>,
 }
 
 impl Slot {
     const fn new(service: Service) -> Self {
-        Self { service, pdo: None, plan: None }
+        Self { service, prepared: None, plan: None, cadence: None }
     }
 }
 
@@ -89,6 +95,8 @@ pub(super) enum Origin {
     Learnt(Service),
     /// By the predefined connection set.
     Default(Owner),
+    /// By its 29 bits.
+    J1939(J1939Id),
 }
 
 impl Routes {
@@ -119,7 +127,9 @@ impl Routes {
         }
         match id {
             CanId::Standard(id) => Origin::Default(connection_set().owner(id)),
-            CanId::Extended(_) => Origin::Default(Owner::Unclassified),
+            CanId::Extended(id) => {
+                J1939Id::of(id).map_or(Origin::Default(Owner::Unclassified), Origin::J1939)
+            }
         }
     }
 
@@ -202,7 +212,7 @@ impl Routes {
 
     /// The PDOs that were seen, with their layouts.
     pub(super) fn layouts(&self) -> impl Iterator<Item = (Service, &Layout)> {
-        self.slots.iter().filter_map(|slot| match &slot.pdo.as_deref()?.kind {
+        self.slots.iter().filter_map(|slot| match &slot.prepared.as_deref()?.kind {
             EventKind::Pdo(pdo) => Some((slot.service, pdo.layout.as_deref()?)),
             _ => None,
         })
@@ -212,7 +222,7 @@ impl Routes {
     pub(super) fn refresh_pdo(&mut self, name: PdoName, node: NodeId) {
         for slot in &mut self.slots {
             if slot.service == Service::Pdo(name, node) {
-                slot.pdo = None;
+                slot.prepared = None;
             }
         }
     }
@@ -222,12 +232,12 @@ impl Routes {
     pub(super) fn refresh_dependents(&mut self, id: NodeId, object: ObjectAddress) {
         for slot in &mut self.slots {
             let depends = matches!(slot.service, Service::Pdo(_, node) if node == id)
-                && slot.pdo.as_deref().is_some_and(|event| match &event.kind {
+                && slot.prepared.as_deref().is_some_and(|event| match &event.kind {
                     EventKind::Pdo(Pdo { layout: Some(layout), .. }) => layout.depends.contains(&object),
                     _ => false,
                 });
             if depends {
-                slot.pdo = None;
+                slot.prepared = None;
             }
         }
     }
@@ -236,14 +246,33 @@ impl Routes {
     pub(super) fn refresh_pdos_of(&mut self, id: NodeId) {
         for slot in &mut self.slots {
             if matches!(slot.service, Service::Pdo(_, node) if node == id) {
-                slot.pdo = None;
+                slot.prepared = None;
+            }
+        }
+    }
+
+    /// Messages whose cadence is watched.
+    pub(super) fn cadences(&self) -> impl Iterator<Item = &Cadence> {
+        self.slots.iter().filter_map(|slot| slot.cadence.as_deref())
+    }
+
+    /// The same, to change them.
+    pub(super) fn cadences_mut(&mut self) -> impl Iterator<Item = &mut Cadence> {
+        self.slots.iter_mut().filter_map(|slot| slot.cadence.as_deref_mut())
+    }
+
+    /// Drops the prepared events of J1939 messages: what devices are, or their addresses, changed.
+    pub(super) fn refresh_messages(&mut self) {
+        for slot in &mut self.slots {
+            if matches!(slot.service, Service::J1939(_)) {
+                (slot.prepared, slot.cadence) = (None, None);
             }
         }
     }
 
     /// Bytes held.
     pub(super) fn footprint(&self) -> usize {
-        let events = self.slots.iter().filter(|slot| slot.pdo.is_some()).count() * size_of::<Event>();
+        let events = self.slots.iter().filter(|slot| slot.prepared.is_some()).count() * size_of::<Event>();
         size_of::<[u16; 2048]>()
             + self.extended.capacity() * 8
             + self.slots.capacity() * size_of::<Slot>()

@@ -18,6 +18,8 @@ pub(super) enum Subject {
     Heartbeat(NodeId),
     /// Set points of a node wait for SYNC.
     SetPoint(NodeId),
+    /// J1939 message of a slot.
+    Message(u16),
 }
 
 /// Deadlines in monotonic nanoseconds.

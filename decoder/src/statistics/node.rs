@@ -108,7 +108,7 @@ impl NodeStatistics {
             Outcome::Complete => self.sdo.complete += 1,
             Outcome::Aborted => self.sdo.aborted += 1,
             Outcome::Timeout => self.sdo.timeout += 1,
-            Outcome::Superseded | Outcome::Unfinished => self.sdo.other += 1,
+            Outcome::Superseded | Outcome::Incomplete | Outcome::Unfinished => self.sdo.other += 1,
         }
         if let Some(abort) = transfer.abort {
             self.aborts.add(abort.code);

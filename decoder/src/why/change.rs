@@ -54,7 +54,7 @@ pub(super) fn reach(event: &Event) -> Option<Reach> {
 fn replaces(new: &EventKind, old: &EventKind) -> bool {
     match (new, old) {
         (EventKind::SetPoint(new), EventKind::SetPoint(old)) => {
-            (new.object, new.channel, new.pdo) == (old.object, old.channel, old.pdo)
+            (new.object, new.channel, &new.carrier) == (old.object, old.channel, &old.carrier)
         }
         (EventKind::BitsChanged(new), EventKind::BitsChanged(old)) => {
             (new.object, &new.set, &new.cleared) == (old.object, &old.set, &old.cleared)

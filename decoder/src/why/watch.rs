@@ -331,7 +331,7 @@ impl BusWatch {
 }
 
 fn same(one: &SetPoint, other: &SetPoint) -> bool {
-    (one.object, one.channel, one.pdo) == (other.object, other.channel, other.pdo)
+    (one.object, one.channel, &one.carrier) == (other.object, other.channel, &other.carrier)
 }
 
 impl NodeWatch {

@@ -6,6 +6,7 @@
 
 pub mod canopen;
 pub mod error_frame;
+pub mod j1939;
 mod node_id;
 
 pub use node_id::{NODE_PLACES, NodeId};

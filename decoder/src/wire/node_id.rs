@@ -66,11 +66,12 @@ impl NodeId {
         }
     }
 
-    /// Its place among [`NODE_PLACES`].
+    /// Its place among [`NODE_PLACES`]; of a number no node can have a place beyond them.
     pub const fn place(self) -> usize {
         match self {
-            Self::Canopen(id) => (id & 0x7F) as usize,
-            Self::J1939(address) => 128 + address as usize,
+            Self::Canopen(id) if self.is_valid() => id as usize,
+            Self::J1939(address) if self.is_valid() => 128 + address as usize,
+            _ => NODE_PLACES,
         }
     }
 
@@ -138,5 +139,8 @@ mod tests {
         places.dedup();
         assert_eq!((places.len(), count), (127 + 254, 127 + 254));
         assert!(places.iter().all(|place| *place < NODE_PLACES));
+        for nobody in [NodeId::Canopen(0), NodeId::Canopen(128), NodeId::J1939(254)] {
+            assert_eq!(nobody.place(), NODE_PLACES);
+        }
     }
 }

@@ -43,6 +43,7 @@ pub(super) fn session_options(input: &InputArgs) -> anyhow::Result<SessionOption
         protocol: match input.protocol {
             Protocol::Auto => ProtocolChoice::Auto,
             Protocol::Canopen => ProtocolChoice::Canopen,
+            Protocol::J1939 => ProtocolChoice::J1939,
             Protocol::None => ProtocolChoice::None,
         },
         sdo_silence,

@@ -103,7 +103,7 @@ fn gates(device: &Device) -> Vec<Vec<String>> {
 
 fn procedures(device: &Device) -> Vec<Vec<String>> {
     let rows = device.procedures.iter().map(|procedure| {
-        let facts = behaviour::procedure_facts(procedure).join("; ");
+        let facts = behaviour::procedure_facts(device, procedure).join("; ");
         vec![procedure.name.clone(), facts, procedure.source.clone()]
     });
     rows.collect()

@@ -30,7 +30,7 @@ pub(super) fn page(device: &Device) -> String {
         section(&mut text, &title, machine_lines(machine));
     }
     section(&mut text, "Gates of set points", behaviour::first_gates(device).map(|it| gate_line(device, it)));
-    section(&mut text, "Procedures", device.procedures.iter().map(procedure_line));
+    section(&mut text, "Procedures", device.procedures.iter().map(|it| procedure_line(device, it)));
     section(&mut text, "EMCY codes", device.emcy.code.iter().map(emcy_line));
     section(&mut text, "SDO abort codes", device.aborts.iter().map(abort_line));
     section(&mut text, "Statements a capture can violate", rules(&device.rules).into_iter().map(rule_line));
@@ -88,8 +88,8 @@ fn gate_line(device: &Device, gate: &Gate) -> String {
     format!("{}{of}: {}{text}  {}", gate.name, behaviour::gate_open(device, gate), cite(&gate.source))
 }
 
-fn procedure_line(procedure: &Procedure) -> String {
-    let facts = behaviour::procedure_facts(procedure).join("; ");
+fn procedure_line(device: &Device, procedure: &Procedure) -> String {
+    let facts = behaviour::procedure_facts(device, procedure).join("; ");
     format!("{}: {facts}  {}", procedure.name, cite(&procedure.source))
 }
 

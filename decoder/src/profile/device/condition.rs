@@ -111,7 +111,7 @@ pub enum Wanted {
 }
 
 /// Something that happens.
-#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(try_from = "TriggerKeys")]
 pub enum Trigger {
     /// An object is written.
@@ -122,6 +122,10 @@ pub enum Trigger {
     Bit(BitReference, bool),
     /// A PDO comes.
     Pdo(PdoName),
+    /// A J1939 message comes.
+    Message(MessageTrigger),
+    /// A fault is reported: any, or one.
+    Dtc(Option<(u32, u8)>),
     /// An NMT command is given to the node.
     Nmt(String),
     /// The device reports a state.
@@ -134,6 +138,44 @@ pub enum Trigger {
     Boot,
 }
 
+/// A J1939 message that comes.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MessageTrigger {
+    /// Its name in the profile.
+    pub name: String,
+    /// So many times in a row.
+    #[serde(default = "once")]
+    pub times: u8,
+    /// Each time with these conditions.
+    #[serde(default)]
+    pub when: Conditions,
+}
+
+const fn once() -> u8 {
+    1
+}
+
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "true, or a fault as \"298985/19\": SPN and FMI")]
+enum DtcKey {
+    Any(bool),
+    One(String),
+}
+
+impl DtcKey {
+    fn read(self) -> Result<Option<(u32, u8)>, &'static str> {
+        let text = match self {
+            Self::Any(true) => return Ok(None),
+            Self::Any(false) => return Err("dtc is true, or a fault as \"298985/19\""),
+            Self::One(text) => text,
+        };
+        let numbers =
+            text.split_once('/').and_then(|(spn, fmi)| Some((spn.parse().ok()?, fmi.parse().ok()?)));
+        numbers.map(Some).ok_or("a fault is written \"298985/19\": SPN and FMI")
+    }
+}
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct TriggerKeys {
@@ -143,6 +185,8 @@ struct TriggerKeys {
     bit: Option<BitReference>,
     becomes: Option<u8>,
     pdo: Option<PdoName>,
+    message: Option<MessageTrigger>,
+    dtc: Option<DtcKey>,
     nmt: Option<String>,
     state: Option<OneOrMany<String>>,
     sync: Option<bool>,
@@ -165,6 +209,8 @@ impl TryFrom<TriggerKeys> for Trigger {
             keys.read.map(|object| Self::Read(object, keys.equals)),
             keys.bit.map(|bit| Self::Bit(bit, keys.becomes == Some(1))),
             keys.pdo.map(Self::Pdo),
+            keys.message.map(Self::Message),
+            keys.dtc.map(DtcKey::read).transpose()?.map(Self::Dtc),
             keys.nmt.map(Self::Nmt),
             keys.state.map(|states| Self::State(states.into_vec())),
             keys.sync.map(|_| Self::Sync),
@@ -174,12 +220,24 @@ impl TryFrom<TriggerKeys> for Trigger {
         let mut given = all.into_iter().flatten();
         match (given.next(), given.next()) {
             (Some(trigger), None) => Ok(trigger),
-            _ => Err("a trigger is exactly one of write, read, bit, pdo, nmt, state, sync, emcy, boot"),
+            _ => Err(
+                "a trigger is exactly one of write, read, bit, pdo, message, dtc, nmt, state, sync, emcy, boot",
+            ),
         }
     }
 }
 
 impl Trigger {
+    /// What must hold when it happens.
+    pub fn when(&self) -> &[Condition] {
+        if let Self::Message(message) = self { &message.when.0 } else { &[] }
+    }
+
+    /// How often in a row it must happen.
+    pub fn times(&self) -> u8 {
+        if let Self::Message(message) = self { message.times } else { 1 }
+    }
+
     /// The same for good, in repeat `nth`.
     #[must_use]
     pub fn pinned(&self, nth: u16, stride: u16) -> Self {

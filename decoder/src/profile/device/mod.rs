@@ -4,6 +4,7 @@
 
 mod behaviour;
 mod condition;
+mod j1939;
 mod network;
 mod rule;
 mod sample;
@@ -19,7 +20,8 @@ pub use behaviour::{
     EmcyCodes, Fallback, Forced, Gate, Machine, Mapping, Masked, Otherwise, PdoEffect, PdoField, PdoSpec,
     Procedure, ProcedureStatus, State, StatusCode, StatusCodes, StatusSpec, Step, Transition,
 };
-pub use condition::{Condition, Conditions, Trigger, Wanted};
+pub use condition::{Condition, Conditions, MessageTrigger, Trigger, Wanted};
+pub use j1939::{Direction, J1939Spec, MessageSpec, TroubleCode};
 pub use network::{
     AbortText, Area, AtBoot, Boot, Cleared, EmcySpec, ErrorCode, GuardingSpec, HeartbeatSpec, Hint, Identity,
     IdentityChange, Monitoring, NmtName, NmtSpec, Order, OrderName, Sign, VendorField, Words,
@@ -57,6 +59,8 @@ struct File {
     codes: BTreeMap<String, StatusCodes>,
     pdo: Vec<Spanned<PdoSpec>>,
     area: Vec<Area>,
+    j1939: J1939Spec,
+    message: Vec<Spanned<MessageSpec>>,
     emcy: EmcySpec,
     abort: Vec<AbortText>,
     nmt: NmtSpec,
@@ -117,6 +121,10 @@ pub struct Device {
     pub pdos: Vec<PdoSpec>,
     /// Areas of the maker's tool.
     pub areas: Vec<Area>,
+    /// What holds on J1939.
+    pub j1939: J1939Spec,
+    /// Messages of J1939.
+    pub messages: Vec<MessageSpec>,
     /// EMCY.
     pub emcy: EmcySpec,
     /// SDO aborts.
@@ -153,6 +161,7 @@ pub struct Device {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Places {
     pub(super) pdos: Vec<Range<usize>>,
+    pub(super) messages: Vec<Range<usize>>,
     pub(super) procedures: Vec<Range<usize>>,
     pub(super) rules: Vec<Range<usize>>,
     pub(super) gates: Vec<Range<usize>>,
@@ -236,6 +245,7 @@ impl ProfileFile {
             identities: file.identity.clone(),
             hints: file.hint.clone(),
             areas: file.area.clone(),
+            j1939: file.j1939.clone(),
             emcy: file.emcy.clone(),
             nmt: file.nmt.clone(),
             monitoring: file.monitoring.clone(),
@@ -245,6 +255,7 @@ impl ProfileFile {
         };
         device.dictionary.layers.push(self.objects_of(id));
         device.emcy.code.retain(|code| code.only.allows(id));
+        device.j1939.dtc.retain(|dtc| dtc.only.allows(id));
         device.aborts = file.abort.iter().filter(|abort| abort.only.allows(id)).cloned().collect();
         device.waivers = file.waiver.iter().filter(|waiver| waiver.only.allows(id)).cloned().collect();
         self.add_behaviour(&mut device, id);
@@ -276,6 +287,10 @@ impl ProfileFile {
         for pdo in file.pdo.iter().filter(|pdo| pdo.get_ref().only.allows(variant)) {
             device.places.pdos.push(pdo.span());
             device.pdos.push(pdo.get_ref().clone());
+        }
+        for message in file.message.iter().filter(|it| it.get_ref().only.allows(variant)) {
+            device.places.messages.push(message.span());
+            device.messages.push(message.get_ref().clone());
         }
         for machine in file.machine.iter().filter(|it| it.get_ref().only.allows(variant)) {
             for nth in 0..machine.get_ref().repeat.count.min(MOST_COPIES) {
@@ -323,6 +338,9 @@ impl Device {
         if self.machines.is_empty() {
             self.machines.clone_from(&standard.machines);
         }
+        let named = |name: &str| self.messages.iter().any(|own| own.name == name);
+        let more: Vec<_> = standard.messages.iter().filter(|it| !named(&it.name)).cloned().collect();
+        self.messages.extend(more);
         let own: Vec<_> = self.procedures.iter().map(|procedure| procedure.start.clone()).collect();
         let more = standard.procedures.iter().filter(|procedure| !own.contains(&procedure.start));
         self.procedures.extend(more.cloned());
@@ -334,6 +352,11 @@ impl Device {
     /// The device's own entry of an error code.
     pub fn error(&self, code: u16) -> Option<&ErrorCode> {
         self.emcy.code.iter().find(|error| error.code == code)
+    }
+
+    /// The device's own entry of a trouble code.
+    pub fn dtc(&self, spn: u32, fmi: u8) -> Option<&TroubleCode> {
+        self.j1939.dtc.iter().find(|dtc| (dtc.spn, dtc.fmi) == (spn, fmi))
     }
 
     /// The device's own text of an abort code, for an object where the text depends on it.

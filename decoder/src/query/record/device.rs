@@ -6,6 +6,7 @@ use crate::event::{
     BitsChanged, Conflict, DeviceState, EventKind, ModeChange, NodeIdentified, ProcedureEvent, Quantity,
     SetPoint,
 };
+use crate::profile::Carrier;
 
 fn texts(key: &'static str, list: &[String], fields: &mut dyn Fields) {
     fields.open_list(key);
@@ -88,7 +89,10 @@ fn set_point(point: &SetPoint, fields: &mut dyn Fields) {
     fields.field("object", FieldValue::Object(point.object));
     fields.field("signal", FieldValue::Text(&point.signal));
     channel(point.channel, fields);
-    fields.field("pdo", FieldValue::Text(&point.pdo.to_string()));
+    match &point.carrier {
+        Carrier::Pdo(name) => fields.field("pdo", FieldValue::Text(&name.to_string())),
+        Carrier::Message(name) => fields.field("message", FieldValue::Text(name)),
+    }
     fields.field("from", point.from.as_ref().map_or(FieldValue::Null, number));
     fields.field("value", number(&point.to));
     if !point.unit.is_empty() {

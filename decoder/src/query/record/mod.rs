@@ -5,6 +5,7 @@
 
 mod bus;
 mod device;
+mod j1939;
 mod node;
 mod transfer;
 
@@ -125,6 +126,7 @@ fn details(event: &Event, bus: &Bus, fields: &mut dyn Fields) {
             }
         }
         _ if device::tell(&event.kind, fields) => {}
+        _ if j1939::tell(&event.kind, device(event, bus), fields) => {}
         _ => bus::about_the_bus(&event.kind, fields),
     }
 }

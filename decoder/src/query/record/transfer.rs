@@ -2,7 +2,7 @@
 
 use super::{FieldValue, Fields, number_or_null};
 use crate::event::{Direction, Mode, Pdo, SdoTransfer};
-use crate::profile::{self, Device, Field, Meaning, SignalId, Value};
+use crate::profile::{self, Device, Field, Layout, Meaning, SignalId, Value};
 use crate::wire::canopen::ObjectAddress;
 
 pub(super) fn process_data(pdo: &Pdo, fields: &mut dyn Fields) {
@@ -14,16 +14,15 @@ pub(super) fn process_data(pdo: &Pdo, fields: &mut dyn Fields) {
         return;
     }
     fields.field("data", FieldValue::Bytes(pdo.payload()));
-    if fields.wants_signals() {
-        signals(pdo, fields);
+    if let Some(layout) = pdo.layout.as_deref().filter(|_| fields.wants_signals()) {
+        signals(layout, pdo.payload(), fields);
     }
 }
 
-/// The values of a PDO whose layout is known: the last of its fields, behind `data`.
-pub(crate) fn signals(pdo: &Pdo, fields: &mut dyn Fields) {
-    let Some(layout) = &pdo.layout else { return };
+/// The values of a payload whose layout is known: the last of its fields, behind `data`.
+pub(crate) fn signals(layout: &Layout, payload: &[u8], fields: &mut dyn Fields) {
     fields.open_list("signals");
-    for signal in layout.signals(pdo.payload()) {
+    for signal in layout.signals(payload) {
         fields.open("");
         signal_id(signal.field.id, fields);
         fields.field("name", signal.field.name().map_or(FieldValue::Null, FieldValue::Text));
@@ -39,9 +38,9 @@ pub(crate) fn signals(pdo: &Pdo, fields: &mut dyn Fields) {
         fields.close();
     }
     fields.close_list();
-    if usize::from(layout.bits.div_ceil(8)) > pdo.payload().len() {
+    if usize::from(layout.bits.div_ceil(8)) > payload.len() {
         fields.open_list("missing");
-        for object in layout.missing(pdo.payload()).filter_map(Field::object) {
+        for object in layout.missing(payload).filter_map(Field::object) {
             fields.field("", FieldValue::Object(object));
         }
         fields.close_list();
@@ -64,7 +63,9 @@ fn signal_id(id: SignalId, fields: &mut dyn Fields) {
 fn meant(meaning: &Meaning, value: &Value, fields: &mut dyn Fields) {
     let label = meaning.label(value);
     match meaning.scaled(value) {
-        Some(quantity) => fields.field("value", FieldValue::Real(rounded(quantity))),
+        Some(quantity) => {
+            fields.field("value", FieldValue::Real(rounded_to(quantity, meaning.digits.max(6))))
+        }
         None if meaning.scale.is_some() && label.is_some() => fields.field("value", FieldValue::Null),
         None => value_field("value", value, fields),
     }
@@ -88,8 +89,14 @@ fn meant(meaning: &Meaning, value: &Value, fields: &mut dyn Fields) {
 
 /// Without the digits that scaling makes: a millionth is finer than any device resolves.
 pub(super) fn rounded(quantity: f64) -> f64 {
-    let shifted = quantity * 1e6;
-    if shifted.abs() < 1e15 { shifted.round() / 1e6 } else { quantity }
+    rounded_to(quantity, 6)
+}
+
+/// With so many digits after the point, unless those before it leave no room for as many.
+fn rounded_to(quantity: f64, digits: u8) -> f64 {
+    let unit = 10_f64.powi(i32::from(digits));
+    let shifted = quantity * unit;
+    if shifted.abs() < 1e15 { shifted.round() / unit } else { quantity }
 }
 
 fn value_field(key: &'static str, value: &Value, fields: &mut dyn Fields) {
@@ -143,14 +150,19 @@ pub(super) fn sdo_transfer(transfer: &SdoTransfer, device: &Device, fields: &mut
     if let Some(crc) = transfer.crc {
         fields.field("crc", FieldValue::Text(crc.name()));
     }
-    match (transfer.cut_start, transfer.cut_end) {
+    cut(transfer.cut_start, transfer.cut_end, fields);
+    if transfer.truncated {
+        fields.field("truncated", FieldValue::Bool(true));
+    }
+}
+
+/// Which end of a transfer the capture lacks.
+pub(super) fn cut(start: bool, end: bool, fields: &mut dyn Fields) {
+    match (start, end) {
         (true, true) => fields.field("cut", FieldValue::Text("both")),
         (true, false) => fields.field("cut", FieldValue::Text("start")),
         (false, true) => fields.field("cut", FieldValue::Text("end")),
         (false, false) => {}
-    }
-    if transfer.truncated {
-        fields.field("truncated", FieldValue::Bool(true));
     }
 }
 

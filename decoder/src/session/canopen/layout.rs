@@ -55,8 +55,8 @@ fn spec<'a>(node: &'a Node, name: PdoName, resolver: &mut Resolver<'_>) -> Optio
     None
 }
 
-/// `None` where the profile says that there is such a PDO, but not what is in it.
-fn of_profile(
+/// The layout of fields a profile lists; `None` where it says that there is something, but not what is in it.
+pub(in crate::session) fn of_profile(
     fields: &[PdoField],
     origin: &'static str,
     assumed: bool,

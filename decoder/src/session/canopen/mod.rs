@@ -10,7 +10,7 @@ mod pdo;
 mod sdo;
 mod sync;
 
-pub(super) use layout::layout;
+pub(super) use layout::{layout, of_profile as layout_of_profile};
 pub(super) use lss::LssState;
 pub(super) use sdo::Channels;
 pub(super) use sync::SyncState;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::layout::layout;
 use crate::event::{Event, EventKind, FrameRange, Pdo, Protocol};
 use crate::frame::{Frame, FrameFlags, MAX_DATA};
-use crate::profile::{PdoDirection, PdoName};
+use crate::profile::{Carrier, PdoDirection, PdoName};
 use crate::session::device::{Plan, Planned, Recent};
 use crate::session::{Bus, Observer};
 use crate::wire::NodeId;
@@ -34,7 +34,7 @@ impl Bus {
             self.pdo_heard(id, frame, out);
         }
         let Some(entry) = self.routes.slot_mut(slot) else { return };
-        let Some(event) = &mut entry.pdo else { return self.first_pdo(slot, name, id, frame, out) };
+        let Some(event) = &mut entry.prepared else { return self.first_pdo(slot, name, id, frame, out) };
         let EventKind::Pdo(pdo) = &mut event.kind else { return };
         let change = if pdo.is_request == is_request { difference(pdo, frame) } else { Some(u64::MAX) };
         let same = change.is_none();
@@ -53,11 +53,11 @@ impl Bus {
                 planned.recent.push(frame.number, self.clock.now());
             }
         }
-        if let Some(event) = self.routes.slot(slot).and_then(|entry| entry.pdo.as_deref()) {
+        if let Some(event) = self.routes.slot(slot).and_then(|entry| entry.prepared.as_deref()) {
             out.event(event, self);
         }
         if matters {
-            self.device_saw_pdo(slot, name, id, frame, out);
+            self.device_saw(slot, (&Carrier::Pdo(name), name.direction), id, frame, out);
         }
     }
 
@@ -82,7 +82,7 @@ impl Bus {
         let node = self.node(id);
         let layout = node.and_then(|node| layout(node, name));
         let plan = match (node.filter(|node| node.assigned.is_some()), &layout) {
-            (Some(node), Some(layout)) => Plan::of(&node.device, name, layout),
+            (Some(node), Some(layout)) => Plan::of(&node.device, &Carrier::Pdo(name), name.direction, layout),
             _ => None,
         };
         let pdo = Pdo {
@@ -105,17 +105,17 @@ impl Bus {
         };
         let now = self.clock.now();
         if let Some(entry) = self.routes.slot_mut(slot) {
-            entry.pdo = Some(Box::new(event));
+            entry.prepared = Some(Box::new(event));
             entry.plan = plan.map(|plan| {
                 let mut recent = Recent::default();
                 recent.push(frame.number, now);
                 Box::new(Planned { plan: Arc::new(plan), recent })
             });
         }
-        if let Some(event) = self.routes.slot(slot).and_then(|entry| entry.pdo.as_deref()) {
+        if let Some(event) = self.routes.slot(slot).and_then(|entry| entry.prepared.as_deref()) {
             out.event(event, self);
         }
-        self.device_saw_pdo(slot, name, id, frame, out);
+        self.device_saw(slot, (&Carrier::Pdo(name), name.direction), id, frame, out);
     }
 }
 

@@ -30,6 +30,9 @@ impl Bus {
             self.take_delivered(id, by);
         }
         self.routes.refresh_pdos_of(id);
+        if id.j1939().is_some() {
+            self.routes.refresh_messages();
+        }
     }
 
     /// An object was learnt that may tell what a node is whose device nobody named.

@@ -11,10 +11,10 @@ use super::machine::MachineState;
 use super::plan::Plan;
 use super::procedure::Running;
 use super::set_point::SetPointState;
-use crate::event::{EventKind, Pdo};
+use crate::event::{EventKind, J1939Message, Pdo};
 use crate::frame::Frame;
 use crate::profile::device::Trigger;
-use crate::profile::{Device, Field, Layout, Meaning, PdoDirection, PdoName, Role};
+use crate::profile::{Carrier, Device, Field, Layout, Meaning, PdoDirection, Role};
 use crate::session::store::{Origin, OriginKind};
 use crate::session::{Bus, Observer};
 use crate::wire::NodeId;
@@ -43,6 +43,10 @@ pub(in crate::session) struct Behaviour {
     /// The last commands, latest first.
     pub(super) nmt: [Option<Moment<NmtService>>; 3],
     pub(super) emcy: Option<Moment<u16>>,
+    /// The last fault reported by DM1: SPN and FMI.
+    pub(super) dtc: Option<Moment<(u32, u8)>>,
+    /// Messages that did not come within the time the manual gives.
+    pub(in crate::session) overdue: Vec<Arc<str>>,
     pub(super) boot: Option<Moment<()>>,
     pub(super) sync: Option<Moment<()>>,
     /// A deadline of set points that wait for SYNC is queued.
@@ -92,21 +96,24 @@ pub(super) struct Changed<'a> {
 }
 
 impl Bus {
-    /// A PDO came that may tell something of the device.
+    /// A PDO or message came that may tell something of the device.
     #[cold]
-    pub(in crate::session) fn device_saw_pdo(
+    pub(in crate::session) fn device_saw(
         &mut self,
         slot: usize,
-        name: PdoName,
+        (carrier, direction): (&Carrier, PdoDirection),
         id: NodeId,
         frame: &Frame,
         out: &mut dyn Observer,
     ) {
         let Some(entry) = self.routes.slot(slot) else { return };
-        let (Some(event), Some(planned)) = (entry.pdo.as_deref(), &entry.plan) else { return };
+        let (Some(event), Some(planned)) = (entry.prepared.as_deref(), &entry.plan) else { return };
         let plan = Arc::clone(&planned.plan);
-        let EventKind::Pdo(Pdo { layout: Some(layout), is_request: false, .. }) = &event.kind else { return };
-        let layout = Arc::clone(layout);
+        let layout = match &event.kind {
+            EventKind::Pdo(Pdo { layout: Some(layout), is_request: false, .. }) => Arc::clone(layout),
+            EventKind::J1939Message(J1939Message { layout: Some(layout), .. }) => Arc::clone(layout),
+            _ => return,
+        };
         let Some(device) = self.node(id).map(|node| Arc::clone(&node.device)) else { return };
         let (mut set_points, mut gates) = (false, false);
         for watched in &plan.fields {
@@ -120,7 +127,7 @@ impl Bus {
             if before == Some(raw) {
                 continue;
             }
-            set_points |= meaning.role == Some(Role::SetPoint) && name.direction == PdoDirection::Receive;
+            set_points |= meaning.role == Some(Role::SetPoint) && direction == PdoDirection::Receive;
             gates |= watched.is_gate;
             let object = watched.object;
             let changed = Changed { id, device: &device, field, object, meaning, before, raw };
@@ -130,13 +137,13 @@ impl Bus {
             self.field_changed(&changed, frame, out);
         }
         if set_points {
-            self.set_points_changed(id, name, &layout, &plan, frame, out);
+            self.set_points_changed(id, carrier, &layout, &plan, frame, out);
         }
         if gates {
             self.reassess(id, frame, out);
         }
         if plan.triggers {
-            self.procedures_saw(id, &|trigger| *trigger == Trigger::Pdo(name), frame, out);
+            self.procedures_saw_carrier(id, carrier, frame, out);
             self.repeated_bits(id, &layout, &plan, frame, out);
         }
     }

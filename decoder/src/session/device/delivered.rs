@@ -183,7 +183,7 @@ impl Bus {
             Origin::Default(Owner::Pdo(name, node)) => Some(Service::Pdo(name, node.into())),
             Origin::Default(Owner::Emcy(node)) => Some(Service::Emcy(node.into())),
             Origin::Default(Owner::Sync) => Some(Service::Sync),
-            Origin::Default(_) => None,
+            Origin::Default(_) | Origin::J1939(_) => None,
         }
     }
 }

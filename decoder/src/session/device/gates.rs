@@ -1,7 +1,7 @@
 //! Gates: whether a set point acts, and what keeps it from acting.
 
 use crate::event::Effective;
-use crate::profile::PdoName;
+use crate::profile::Carrier;
 use crate::profile::device::{Condition, Gate, Otherwise};
 use crate::session::node::Node;
 use crate::wire::canopen::ObjectAddress;
@@ -64,10 +64,10 @@ pub(super) struct Verdict {
 
 /// A set point as gates see it.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Subject {
+pub(super) struct Subject<'a> {
     pub(super) object: ObjectAddress,
     pub(super) channel: Option<u8>,
-    pub(super) pdo: PdoName,
+    pub(super) carrier: &'a Carrier,
 }
 
 impl Node {
@@ -94,14 +94,15 @@ impl Node {
         all
     }
 
-    fn gates_of(&self, subject: Subject) -> impl Iterator<Item = &Gate> {
+    fn gates_of<'a>(&'a self, subject: Subject<'a>) -> impl Iterator<Item = &'a Gate> {
         self.device.gates.iter().filter(move |gate| {
-            gate.concerns(subject.object, subject.channel) && gate.pdo.is_none_or(|pdo| pdo == subject.pdo)
+            gate.concerns(subject.object, subject.channel)
+                && gate.pdo.is_none_or(|pdo| *subject.carrier == Carrier::Pdo(pdo))
         })
     }
 
     /// Whether a set point acts.
-    pub(super) fn verdict(&self, subject: Subject, now: i64) -> Verdict {
+    pub(super) fn verdict(&self, subject: Subject<'_>, now: i64) -> Verdict {
         let (mut closed, mut unknown, mut any) = (Vec::new(), Vec::new(), false);
         for gate in self.gates_of(subject) {
             any = true;
@@ -118,7 +119,7 @@ impl Node {
         }
     }
 
-    fn stands(&self, gate: &Gate, subject: Subject, now: i64) -> (GateStatus, String) {
+    fn stands(&self, gate: &Gate, subject: Subject<'_>, now: i64) -> (GateStatus, String) {
         let mut worst = (GateStatus::Open, String::new());
         for condition in &gate.open.0 {
             let (status, detail) = self.holds(condition, subject, now);
@@ -140,7 +141,12 @@ impl Node {
     }
 
     /// Whether a condition holds: `Closed` if it does not.
-    pub(super) fn holds(&self, condition: &Condition, subject: Subject, now: i64) -> (GateStatus, String) {
+    pub(super) fn holds(
+        &self,
+        condition: &Condition,
+        subject: Subject<'_>,
+        now: i64,
+    ) -> (GateStatus, String) {
         let judged = |holds: bool| if holds { GateStatus::Open } else { GateStatus::Closed };
         match condition {
             Condition::Nmt(wanted) => match self.nmt {
@@ -164,15 +170,20 @@ impl Node {
                 (judged(age.is_some_and(|age| age <= SYNC_AGE)), "SYNC".into())
             }
             Condition::NoError => {
-                let codes: Vec<_> = self.active_errors.iter().map(|code| format!("{code:04X}")).collect();
+                let codes: Vec<_> = self.errors().collect();
                 (judged(codes.is_empty()), codes.join(", "))
             }
             Condition::NoProcedure => {
                 let running = self.behaviour.running.iter().find_map(|running| self.takes_over(running));
                 (judged(running.is_none()), running.unwrap_or_default().to_owned())
             }
-            // It is judged when the set point comes.
-            Condition::Younger(_) => (GateStatus::Open, String::new()),
+            // A PDO is judged when it comes; of messages it is known which are overdue.
+            Condition::Younger(_) => match subject.carrier {
+                Carrier::Message(name) if self.behaviour.overdue.contains(name) => {
+                    (GateStatus::Closed, format!("{name} overdue"))
+                }
+                _ => (GateStatus::Open, String::new()),
+            },
             Condition::Invisible => (GateStatus::Invisible, String::new()),
         }
     }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::profile::device::{Condition, Procedure, Trigger};
-use crate::profile::{Device, Field, Layout, PdoDirection, PdoName, Role};
+use crate::profile::{Carrier, Device, Field, Layout, PdoDirection, Role};
 use crate::wire::canopen::ObjectAddress;
 
 /// One field that is looked at.
@@ -26,6 +26,8 @@ pub(in crate::session) struct Plan {
     pub(super) fields: Vec<Watched>,
     /// Bits of these fields in the first eight bytes.
     pub(in crate::session) mask: u64,
+    /// Those of fields whose value decides how others are read.
+    pub(in crate::session) deciding: u64,
     /// Looked at even if nothing changed: a procedure waits for this PDO.
     pub(in crate::session) triggers: bool,
     /// Sent once an occasion, so the same bits mean that it happened again.
@@ -65,7 +67,12 @@ impl Recent {
 
 impl Plan {
     /// The plan of a layout; `None` where nothing in it matters.
-    pub(in crate::session) fn of(device: &Device, name: PdoName, layout: &Layout) -> Option<Self> {
+    pub(in crate::session) fn of(
+        device: &Device,
+        carrier: &Carrier,
+        direction: PdoDirection,
+        layout: &Layout,
+    ) -> Option<Self> {
         let mut plan = Self::default();
         for (place, field) in layout.fields.iter().enumerate() {
             let Some(object) = field.object() else { continue };
@@ -76,12 +83,15 @@ impl Plan {
                 let (is_gate, decides) = (device.gates_on(object), device.decides(object));
                 plan.fields.push(Watched { place, object, is_gate, decides });
                 plan.mask |= bits(field.bit, field.bits);
+                if decides {
+                    plan.deciding |= bits(field.bit, field.bits);
+                }
             }
             plan.commands |= device.machines.iter().any(|it| it.control.object.object == object);
         }
-        let waits = |trigger: &Trigger| *trigger == Trigger::Pdo(name);
+        let waits = |trigger: &Trigger| trigger.is_on(carrier);
         plan.triggers = device.procedures.iter().flat_map(Procedure::triggers).any(waits);
-        let spec = device.pdos.iter().find(|spec| spec.pdo == name);
+        let spec = device.pdos.iter().find(|spec| Carrier::Pdo(spec.pdo) == *carrier);
         let is_event =
             spec.and_then(|spec| spec.trigger.as_deref()).is_some_and(|by| by == "event" || by == "rpdo");
         let starts = |object: ObjectAddress| {
@@ -91,11 +101,22 @@ impl Plan {
                 .any(|it| matches!(&it.start, Trigger::Bit(bit, _) if bit.object.object == object))
         };
         plan.once_an_occasion = is_event
-            && name.direction == PdoDirection::Transmit
+            && direction == PdoDirection::Transmit
             && layout.fields.iter().filter_map(Field::object).any(starts);
         plan.triggers |= plan.once_an_occasion;
-        plan.commands &= name.direction == PdoDirection::Receive;
+        plan.commands &= direction == PdoDirection::Receive;
         (!plan.fields.is_empty() || plan.triggers).then_some(plan)
+    }
+}
+
+impl Trigger {
+    /// Whether what brings values may be what it waits for.
+    pub(super) fn is_on(&self, carrier: &Carrier) -> bool {
+        match (self, carrier) {
+            (Self::Pdo(name), Carrier::Pdo(own)) => name == own,
+            (Self::Message(message), Carrier::Message(own)) => *message.name == **own,
+            _ => false,
+        }
     }
 }
 

@@ -6,8 +6,8 @@ use super::behaviour::Moment;
 use super::gates::{GateStatus, Subject};
 use crate::event::{EventKind, ProcedureEvent};
 use crate::frame::Frame;
-use crate::profile::device::{Procedure, ProcedureStatus, Trigger, Wanted};
-use crate::profile::{PdoDirection, PdoName, Role, integer};
+use crate::profile::device::{Condition, Procedure, ProcedureStatus, Trigger, Wanted};
+use crate::profile::{Carrier, PdoDirection, PdoName, Role, integer};
 use crate::session::node::Node;
 use crate::session::store::OriginKind;
 use crate::session::{Bus, Observer};
@@ -25,6 +25,8 @@ pub(in crate::session) struct Running {
     started: Moment<()>,
     /// The step told last.
     step: Option<usize>,
+    /// Messages in a row that met the conditions of what it waits for.
+    streak: u8,
 }
 
 /// A change of node-ID or bit rate.
@@ -67,27 +69,73 @@ impl Bus {
     ) {
         let Some(device) = self.node(id).map(|node| Arc::clone(&node.device)) else { return };
         for (place, procedure) in device.procedures.iter().enumerate() {
-            let running = self
-                .node(id)
-                .is_some_and(|node| node.behaviour.running.iter().any(|running| running.place == place));
-            if !running {
-                if happened(&procedure.start) {
-                    self.start(id, place, procedure, frame, out);
-                }
+            self.procedure_saw(id, (place, procedure), happened, frame, out);
+        }
+    }
+
+    fn procedure_saw(
+        &mut self,
+        id: NodeId,
+        (place, procedure): (usize, &Procedure),
+        happened: &dyn Fn(&Trigger) -> bool,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        let running = self
+            .node(id)
+            .is_some_and(|node| node.behaviour.running.iter().any(|running| running.place == place));
+        if !running {
+            if happened(&procedure.start) {
+                self.start(id, place, procedure, frame, out);
+            }
+            return;
+        }
+        let is = |trigger: &Option<Trigger>| trigger.as_ref().is_some_and(happened);
+        if is(&procedure.stop) {
+            self.finish_procedure(id, place, procedure, ProcedureStatus::Stopped, "", frame, out);
+        } else if is(&procedure.end) {
+            self.finish_procedure(id, place, procedure, ProcedureStatus::Ok, "", frame, out);
+        } else if is(&procedure.also_end) {
+            let text = "how it ended is in its status";
+            self.finish_procedure(id, place, procedure, ProcedureStatus::Ended, text, frame, out);
+        } else if let Some(step) = procedure.steps.iter().position(|step| happened(&step.on)) {
+            self.go_on(id, place, procedure, step, frame, out);
+        }
+    }
+
+    /// A PDO or message came that procedures may wait for, several times in a row and under conditions.
+    pub(super) fn procedures_saw_carrier(
+        &mut self,
+        id: NodeId,
+        carrier: &Carrier,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        let Some(device) = self.node(id).map(|node| Arc::clone(&node.device)) else { return };
+        let now = self.clock.now();
+        let subject = Subject { object: ObjectAddress::default(), channel: None, carrier };
+        for (place, procedure) in device.procedures.iter().enumerate() {
+            let Some(node) = self.node(id) else { return };
+            let holds = |need: &Condition| node.holds(need, subject, now).0 == GateStatus::Open;
+            let mut met: Vec<&Trigger> =
+                procedure.triggers().filter(|it| it.is_on(carrier) && it.when().iter().all(holds)).collect();
+            if met.is_empty() && !procedure.triggers().any(|trigger| trigger.is_on(carrier)) {
                 continue;
             }
-            let is = |trigger: &Option<Trigger>| trigger.as_ref().is_some_and(happened);
-            if is(&procedure.stop) {
-                self.finish_procedure(id, place, procedure, ProcedureStatus::Stopped, "", frame, out);
-            } else if is(&procedure.end) {
-                self.finish_procedure(id, place, procedure, ProcedureStatus::Ok, "", frame, out);
-            } else if is(&procedure.also_end) {
-                let text = "how it ended is in its status";
-                self.finish_procedure(id, place, procedure, ProcedureStatus::Ended, text, frame, out);
-            } else if let Some(step) = procedure.steps.iter().position(|step| happened(&step.on)) {
-                self.go_on(id, place, procedure, step, frame, out);
-            }
+            let streak = self.streak(id, place, !met.is_empty());
+            met.retain(|trigger| trigger.times() <= streak);
+            self.procedure_saw(id, (place, procedure), &|trigger| met.contains(&trigger), frame, out);
         }
+    }
+
+    /// How often in a row a running procedure saw what it waits for.
+    fn streak(&mut self, id: NodeId, place: usize, again: bool) -> u8 {
+        let node = self.node_mut(id);
+        let running = node.and_then(|node| node.behaviour.running.iter_mut().find(|it| it.place == place));
+        running.map_or(1, |running| {
+            running.streak = if again { running.streak.saturating_add(1) } else { 0 };
+            running.streak
+        })
     }
 
     fn start(
@@ -110,7 +158,7 @@ impl Bus {
             node.behaviour.running.remove(0);
         }
         let started = Moment { what: (), frame: frame.number, time };
-        node.behaviour.running.push(Running { place, started, step: None });
+        node.behaviour.running.push(Running { place, started, step: None, streak: 0 });
         let mut event = described(procedure, "started", ProcedureStatus::Running);
         event.text = self.unmet(id, procedure);
         self.emit(frame, id, false, EventKind::Procedure(Box::new(event)), out);
@@ -122,8 +170,8 @@ impl Bus {
     /// Preconditions that the bus shows not to hold.
     fn unmet(&self, id: NodeId, procedure: &Procedure) -> String {
         let Some(node) = self.node(id) else { return String::new() };
-        let pdo = PdoName { direction: PdoDirection::Receive, number: 1 };
-        let subject = Subject { object: ObjectAddress::default(), channel: None, pdo };
+        let carrier = Carrier::Pdo(PdoName { direction: PdoDirection::Receive, number: 1 });
+        let subject = Subject { object: ObjectAddress::default(), channel: None, carrier: &carrier };
         let now = self.clock.now();
         let needs = procedure.needs.iter().map(|need| node.holds(need, subject, now));
         let unmet: Vec<_> =

@@ -8,7 +8,7 @@ use super::plan::Plan;
 use crate::event::{Effective, EventKind, FrameRange, Quantity, SetPoint};
 use crate::frame::Frame;
 use crate::profile::device::PdoEffect;
-use crate::profile::{Layout, Meaning, PdoName, Role, Value};
+use crate::profile::{Carrier, Layout, Meaning, Role, Value};
 use crate::session::node::Node;
 use crate::session::timers::Subject as Timer;
 use crate::session::{Bus, Observer};
@@ -21,7 +21,7 @@ const LAST_SYNCHRONOUS: u64 = 240;
 /// One set point of a node.
 #[derive(Debug, Clone)]
 pub(in crate::session) struct SetPointState {
-    pdo: PdoName,
+    carrier: Carrier,
     meaning: Arc<Meaning>,
     /// Value that was told last.
     told: Option<Value>,
@@ -36,8 +36,8 @@ pub(in crate::session) struct SetPointState {
 }
 
 impl SetPointState {
-    pub(super) fn subject(&self) -> Subject {
-        Subject { object: self.meaning.object, channel: self.meaning.channel, pdo: self.pdo }
+    pub(super) fn subject(&self) -> Subject<'_> {
+        Subject { object: self.meaning.object, channel: self.meaning.channel, carrier: &self.carrier }
     }
 
     /// All traffic stopped for so long: the time does not count.
@@ -57,14 +57,14 @@ impl Bus {
     pub(super) fn set_points_changed(
         &mut self,
         id: NodeId,
-        name: PdoName,
+        carrier: &Carrier,
         layout: &Layout,
         plan: &Plan,
         frame: &Frame,
         out: &mut dyn Observer,
     ) {
         let moment = Moment { what: (), frame: frame.number, time: self.clock.now() };
-        let Some(waits) = self.node(id).map(|node| node.waits_for_sync(name)) else { return };
+        let Some(waits) = self.node(id).map(|node| node.waits_for_sync(carrier)) else { return };
         for watched in &plan.fields {
             let Some(field) = layout.fields.get(watched.place) else { continue };
             let Some(meaning) = field.meaning.as_ref().filter(|it| it.role == Some(Role::SetPoint)) else {
@@ -72,7 +72,7 @@ impl Bus {
             };
             let Some(raw) = field.extract(frame.data()) else { continue };
             let value = field.data_type.number(raw);
-            let Some(place) = self.set_point(id, name, meaning) else { continue };
+            let Some(place) = self.set_point(id, carrier, meaning) else { continue };
             let Some(point) = self.set_point_mut(id, place) else { continue };
             point.assumed = layout.assumed;
             if point.told.as_ref() == Some(&value) {
@@ -101,15 +101,16 @@ impl Bus {
     }
 
     /// Place of a set point; its meaning is the present one.
-    fn set_point(&mut self, id: NodeId, pdo: PdoName, meaning: &Arc<Meaning>) -> Option<usize> {
+    fn set_point(&mut self, id: NodeId, carrier: &Carrier, meaning: &Arc<Meaning>) -> Option<usize> {
         let points = &mut self.node_mut(id)?.behaviour.set_points;
-        let known = points.iter().position(|it| it.meaning.object == meaning.object && it.pdo == pdo);
+        let known =
+            points.iter().position(|it| it.meaning.object == meaning.object && it.carrier == *carrier);
         if let Some(place) = known {
             points.get_mut(place)?.meaning = Arc::clone(meaning);
             return Some(place);
         }
         points.push(SetPointState {
-            pdo,
+            carrier: carrier.clone(),
             meaning: Arc::clone(meaning),
             told: None,
             effective: None,
@@ -231,7 +232,7 @@ impl SetPointState {
             signal: self.meaning.name.clone(),
             short: self.meaning.short.clone(),
             channel: self.meaning.channel,
-            pdo: self.pdo,
+            carrier: self.carrier.clone(),
             from: self.told.as_ref().map(quantity),
             to: quantity(value),
             unit: self.meaning.unit.clone(),
@@ -266,7 +267,8 @@ fn plain(meaning: &Meaning, value: &Value) -> Option<f64> {
 
 impl Node {
     /// Whether an RPDO acts at the next SYNC: as the device says, else by its transmission type.
-    fn waits_for_sync(&self, name: PdoName) -> bool {
+    fn waits_for_sync(&self, carrier: &Carrier) -> bool {
+        let Carrier::Pdo(name) = *carrier else { return false };
         let spec = self.device.pdos.iter().find(|spec| spec.pdo == name);
         match spec.map(|spec| spec.effect).unwrap_or_default() {
             PdoEffect::AtSync => true,

@@ -211,9 +211,9 @@ fn push_payload(pdo: &Pdo, line: &mut Vec<u8>) {
         _ => push_hex(line, pdo.payload()),
     }
     line.push(b'"');
-    if pdo.layout.is_some() {
+    if let Some(layout) = &pdo.layout {
         let mut object = Object::resume(line);
-        signals(pdo, &mut object);
+        signals(layout, pdo.payload(), &mut object);
         object.end();
     } else {
         line.extend_from_slice(b"}\n");

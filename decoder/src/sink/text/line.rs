@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::{Tone, device, emcy, pdo, sdo};
+use super::{Tone, device, emcy, j1939, pdo, sdo};
 use crate::event::{
     BootCause, Certainty, Event, EventKind, FrameRange, ObjectChange, PowerSign, Silence, StateCause,
     StateChange, Undecoded,
@@ -125,7 +125,7 @@ fn words(event: &Event, bus: &Bus) -> Words {
         EventKind::ObjectChange(change) => object_change(change, words),
         _ => match device::words(event) {
             Some((kind, what, tone)) => words(kind, what, tone),
-            None => bus_words(event, words),
+            None => j1939::words(event, bus).unwrap_or_else(|| bus_words(event, words)),
         },
     }
 }

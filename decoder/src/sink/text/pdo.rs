@@ -22,7 +22,13 @@ pub(super) fn push_words(pdo: &Pdo, out: &mut Vec<u8>) {
     out.push(b' ');
     let payload = pdo.payload();
     push_bytes(out, payload);
-    let Some(layout) = &pdo.layout else { return };
+    if let Some(layout) = &pdo.layout {
+        push_signals(layout, payload, out);
+    }
+}
+
+/// Appends `: p 157.5 bar of 315, angle 49.4 %`.
+pub(super) fn push_signals(layout: &Layout, payload: &[u8], out: &mut Vec<u8>) {
     let mut separator = b": ";
     for signal in layout.signals(payload) {
         out.extend_from_slice(separator);

@@ -107,7 +107,7 @@ fn outcome(transfer: &SdoTransfer, device: &Device, what: &mut String) -> Tone {
             what.push_str(" given up: another one began");
             Tone::Caution
         }
-        (Outcome::Unfinished, _) => {
+        (Outcome::Incomplete | Outcome::Unfinished, _) => {
             what.push_str(" unfinished when the capture ends");
             Tone::Caution
         }

@@ -41,7 +41,7 @@ pub(in crate::cmd) fn condition(device: &Device, condition: &Condition) -> Strin
 }
 
 /// Something that happens.
-pub(in crate::cmd) fn trigger(trigger: &Trigger) -> String {
+pub(in crate::cmd) fn trigger(device: &Device, trigger: &Trigger) -> String {
     let of = |wanted: &Option<Wanted>| match wanted {
         None => String::new(),
         Some(Wanted::Text(text)) => format!(" of \"{text}\""),
@@ -57,6 +57,14 @@ pub(in crate::cmd) fn trigger(trigger: &Trigger) -> String {
             format!("bit {} of {} going to {}", bit.bit, bit.object.object, u8::from(*becomes))
         }
         Trigger::Pdo(pdo) => pdo.to_string(),
+        Trigger::Message(message) => {
+            let times = if message.times > 1 { format!("{} × ", message.times) } else { String::new() };
+            let when: Vec<_> = message.when.0.iter().map(|when| condition(device, when)).collect();
+            let when = if when.is_empty() { String::new() } else { format!(" with {}", when.join(" and ")) };
+            format!("{times}{}{when}", message.name)
+        }
+        Trigger::Dtc(None) => "a fault in DM1".into(),
+        Trigger::Dtc(Some((spn, fmi))) => format!("SPN {spn} FMI {fmi} in DM1"),
         Trigger::Nmt(command) => format!("NMT {command}"),
         Trigger::State(states) => format!("state {}", states.join(" or ")),
         Trigger::Sync => "SYNC".into(),
@@ -198,8 +206,8 @@ pub(in crate::cmd) fn gate_open(device: &Device, gate: &Gate) -> String {
 }
 
 /// How a procedure starts, how long it takes, where it is seen to end.
-pub(in crate::cmd) fn procedure_facts(procedure: &Procedure) -> Vec<String> {
-    let mut facts = vec![format!("starts with {}", trigger(&procedure.start))];
+pub(in crate::cmd) fn procedure_facts(device: &Device, procedure: &Procedure) -> Vec<String> {
+    let mut facts = vec![format!("starts with {}", trigger(device, &procedure.start))];
     if let Some(seconds) = procedure.seconds {
         facts.push(format!("about {seconds} s"));
     }
@@ -210,7 +218,7 @@ pub(in crate::cmd) fn procedure_facts(procedure: &Procedure) -> Vec<String> {
         facts.push(format!("result in {}", result.object));
     }
     if let Some(end) = &procedure.end {
-        facts.push(format!("ends with {}", trigger(end)));
+        facts.push(format!("ends with {}", trigger(device, end)));
     }
     if procedure.takes_over {
         facts.push("set points of the bus are ignored".into());

@@ -1,0 +1,132 @@
+//! J1939 and ISOBUS: the way of a 29-bit frame that nothing else owns.
+//!
+//! ```text
+//! Frame ─▶ priority, group, source, destination ─▶ request, acknowledgement   told as they are
+//!                                               └▶ any other group            one prepared event an identifier
+//! ```
+
+mod belief;
+mod cadence;
+mod message;
+
+pub(in crate::session) use belief::J1939Belief;
+pub(in crate::session) use cadence::Cadence;
+
+use crate::event::{Event, EventKind, J1939Acknowledgement, J1939Request, Protocol};
+use crate::frame::{Frame, FrameFlags};
+use crate::session::{Bus, Observer};
+use crate::wire::j1939::{Acknowledgement, J1939Id, NO_ADDRESS, Pgn, request};
+use crate::wire::{Malformed, NodeId};
+
+impl Bus {
+    /// A frame whose identifier is J1939's; `slot` is `None` where too many identifiers are kept apart.
+    #[inline]
+    pub(in crate::session) fn on_j1939(
+        &mut self,
+        slot: Option<usize>,
+        id: J1939Id,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        if !self.j1939.is_believed() && !self.is_j1939_followed(id, frame, out) {
+            return;
+        }
+        self.j1939_heard(id.source, frame);
+        match id.pgn {
+            Pgn::REQUEST => self.on_j1939_request(id, frame, out),
+            Pgn::ACKNOWLEDGEMENT => self.on_acknowledgement(id, frame, out),
+            _ => self.on_j1939_message(slot, id, frame, out),
+        }
+    }
+
+    /// Without a sign of J1939 yet: whether the frame is read as such, marked as presumed.
+    #[cold]
+    fn is_j1939_followed(&mut self, id: J1939Id, frame: &Frame, out: &mut dyn Observer) -> bool {
+        let is_plain = !frame.flags.contains(FrameFlags::REMOTE) && !frame.flags.contains(FrameFlags::FD);
+        self.j1939.weigh(id, frame.data(), is_plain);
+        if !is_plain || self.j1939.is_doubted() {
+            self.say_j1939_doubted(frame, out);
+            self.undecoded(frame, None, out);
+            return false;
+        }
+        true
+    }
+
+    fn say_j1939_doubted(&mut self, frame: &Frame, out: &mut dyn Observer) {
+        if let Some(reason) = self.j1939.take_reason() {
+            let text =
+                format!("29-bit frames are not taken for J1939: {reason}; --protocol j1939 decodes them");
+            self.note(frame, text, out);
+        }
+    }
+
+    #[inline]
+    fn j1939_heard(&mut self, source: u8, frame: &Frame) {
+        if source >= NO_ADDRESS {
+            return;
+        }
+        let now = self.clock.now();
+        let Some(node) = self.node_mut(NodeId::J1939(source)) else { return };
+        if node.first_frame == 0 {
+            node.first_frame = frame.number;
+        }
+        node.last_frame = frame.number;
+        node.last_seen = frame.time;
+        node.last_heard = now;
+    }
+
+    fn on_j1939_request(&mut self, id: J1939Id, frame: &Frame, out: &mut dyn Observer) {
+        match request(frame.data()) {
+            Ok(pgn) => {
+                let name = self.group_name(pgn);
+                let (source, destination) = (id.source, id.destination);
+                let request = J1939Request { pgn, name, source, destination };
+                self.emit_j1939(frame, id, EventKind::J1939Request(request), out);
+            }
+            Err(error) => self.malformed_j1939(id, error, "a request has three bytes", frame, out),
+        }
+    }
+
+    fn on_acknowledgement(&mut self, id: J1939Id, frame: &Frame, out: &mut dyn Observer) {
+        match Acknowledgement::read(frame.data()) {
+            Ok(message) => {
+                let name = self.group_name(message.pgn);
+                let (source, destination) = (id.source, id.destination);
+                let answer = J1939Acknowledgement { message, name, source, destination };
+                self.emit_j1939(frame, id, EventKind::Acknowledgement(answer), out);
+            }
+            Err(error) => self.malformed_j1939(id, error, "an acknowledgement has eight bytes", frame, out),
+        }
+    }
+
+    /// An event about one frame, as J1939, of the node that sent it.
+    pub(in crate::session) fn j1939_event(&self, frame: &Frame, id: J1939Id, kind: EventKind) -> Event {
+        let mut event = self.event(frame, kind);
+        event.protocol = Protocol::J1939;
+        event.presumed = !self.j1939.is_believed();
+        event.node = Some(NodeId::J1939(id.source)).filter(|node| node.is_valid());
+        event
+    }
+
+    /// Emits an event about one frame, of the node that sent it.
+    pub(in crate::session) fn emit_j1939(
+        &self,
+        frame: &Frame,
+        id: J1939Id,
+        kind: EventKind,
+        out: &mut dyn Observer,
+    ) {
+        out.event(&self.j1939_event(frame, id, kind), self);
+    }
+
+    pub(in crate::session) fn malformed_j1939(
+        &self,
+        id: J1939Id,
+        error: Malformed,
+        reason: &'static str,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        self.emit_j1939(frame, id, EventKind::Malformed { error, reason }, out);
+    }
+}

@@ -1,0 +1,302 @@
+//! The words of J1939 events.
+
+use std::fmt::Write as _;
+
+use super::Tone;
+use super::line::{Words, bytes, millis, node_label, node_short, seconds};
+use super::pdo::push_signals;
+use crate::event::{
+    AddressClaim, ClaimAction, CommandedAddress, Dtc, DtcAction, Event, EventKind, Irregularity,
+    IrregularityKind, J1939Acknowledgement, J1939Message, J1939Transfer, MessageGap, Outcome,
+};
+use crate::profile;
+use crate::query::record::device as device_of;
+use crate::session::Bus;
+use crate::wire::NodeId;
+use crate::wire::j1939::{ALL, Name, Pgn};
+
+/// The words of a J1939 event; `None` if it is none.
+pub(super) fn words(event: &Event, bus: &Bus) -> Option<Words> {
+    Some(match &event.kind {
+        EventKind::J1939Message(message) => {
+            let who = pair(message.id.source, message.id.destination, bus);
+            Words { who, kind: "PG", what: message_words(message), tone: Tone::Plain }
+        }
+        EventKind::J1939Transfer(transfer) => transfer_words(transfer, bus),
+        EventKind::J1939Request(request) => {
+            let who = pair(request.source, request.destination, bus);
+            let what = format!("asks for {}", group(request.pgn, request.name.as_deref()));
+            Words { who, kind: "REQ", what, tone: Tone::Plain }
+        }
+        EventKind::Acknowledgement(answer) => acknowledgement(answer, bus),
+        EventKind::AddressClaim(claim) => claim_words(claim, bus),
+        EventKind::CommandedAddress(command) => commanded(command, bus),
+        EventKind::Dtc(dtc) => dtc_words(dtc, event, bus),
+        EventKind::MessageGap(gap) => gap_words(gap, event, bus),
+        EventKind::TransportIrregularity(irregularity) => irregular(irregularity, bus),
+        _ => return None,
+    })
+}
+
+/// `F1`, `SA80 boom2`, `all`.
+fn address(address: u8, bus: &Bus) -> String {
+    match address {
+        ALL => "all".into(),
+        known if bus.node(NodeId::J1939(known)).is_some_and(|node| node.name().is_some()) => {
+            node_short(NodeId::J1939(known), bus)
+        }
+        other => format!("SA{other:02X}"),
+    }
+}
+
+/// `F1→SA80 boom2`; the sender alone where it goes to all.
+fn pair(source: u8, destination: u8, bus: &Bus) -> String {
+    if destination == ALL {
+        return node_label(NodeId::J1939(source), bus);
+    }
+    format!("{source:02X}→{}", address(destination, bus))
+}
+
+/// `65226 (FECA) DM1 active faults`.
+pub(super) fn group(pgn: Pgn, name: Option<&str>) -> String {
+    name.map_or_else(|| pgn.to_string(), |name| format!("{pgn} {name}"))
+}
+
+fn message_words(message: &J1939Message) -> String {
+    let mut what = format!("{} {}", group(message.id.pgn, message.name.as_deref()), bytes(message.payload()));
+    if let Some(layout) = &message.layout {
+        let mut signals = Vec::new();
+        push_signals(layout, message.payload(), &mut signals);
+        what.push_str(&String::from_utf8_lossy(&signals));
+    }
+    what
+}
+
+fn transfer_words(transfer: &J1939Transfer, bus: &Bus) -> Words {
+    let mut what = match transfer.pgn {
+        Some(pgn) => group(pgn, transfer.name.as_deref()),
+        None => "group not seen".into(),
+    };
+    let size = match transfer.announced {
+        Some(announced) if u64::from(announced) != transfer.size => {
+            format!("{} of {announced} bytes", transfer.size)
+        }
+        _ => format!("{} bytes", transfer.size),
+    };
+    let _ = write!(what, " {size}: {}", bytes(&transfer.data));
+    let tone = match transfer.outcome {
+        Outcome::Complete => {
+            what.push_str(" ok");
+            Tone::Plain
+        }
+        Outcome::Aborted => {
+            let abort =
+                transfer.abort.unwrap_or(crate::event::TransportAbort { reason: 0, by_sender: false });
+            let by = if abort.by_sender { "sender" } else { "receiver" };
+            let text = profile::transport_aborts().text(u32::from(abort.reason));
+            let _ = write!(what, " ABORTED by {by}: {} {text}", abort.reason);
+            Tone::Bad
+        }
+        Outcome::Timeout => {
+            let timer = transfer.timer.map_or(String::new(), |timer| format!(" ({})", timer.name()));
+            let _ = write!(what, " TIME-OUT{timer}");
+            Tone::Bad
+        }
+        Outcome::Superseded => {
+            what.push_str(" given up: another one began");
+            Tone::Caution
+        }
+        Outcome::Incomplete => {
+            what.push_str(" not whole");
+            Tone::Caution
+        }
+        Outcome::Unfinished => {
+            what.push_str(" unfinished when the capture ends");
+            Tone::Caution
+        }
+    };
+    if transfer.missing > 0 {
+        let _ = write!(what, ", {} packets missing", transfer.missing);
+    }
+    if transfer.repeated > 0 {
+        let _ = write!(what, ", {} repeated", transfer.repeated);
+    }
+    if let Some(duration) = transfer.duration.filter(|_| transfer.frame_count > 1) {
+        let _ = write!(what, " dt={}ms", millis(duration));
+    }
+    if let Some(mode) = transfer.mode {
+        let _ = write!(what, " {}", mode.name());
+    }
+    if transfer.cut_start {
+        what.push_str(" (start not seen)");
+    }
+    if let Some(layout) = &transfer.layout {
+        let mut signals = Vec::new();
+        push_signals(layout, &transfer.data, &mut signals);
+        what.push_str(&String::from_utf8_lossy(&signals));
+    }
+    Words { who: pair(transfer.source, transfer.destination, bus), kind: "TP", what, tone }
+}
+
+fn acknowledgement(answer: &J1939Acknowledgement, bus: &Bus) -> Words {
+    let (says, tone) = match answer.message.control {
+        0 => ("done", Tone::Plain),
+        1 => ("NOT done", Tone::Caution),
+        2 => ("access DENIED", Tone::Caution),
+        3 => ("cannot respond now", Tone::Caution),
+        _ => ("reserved answer", Tone::Caution),
+    };
+    let for_whom = match answer.message.address {
+        ALL => String::new(),
+        asker => format!(", asked by {}", address(asker, bus)),
+    };
+    let what = format!("{says}: {}{for_whom}", group(answer.message.pgn, answer.name.as_deref()));
+    let kind = if answer.message.control == 0 { "ACK" } else { "NACK" };
+    Words { who: pair(answer.source, answer.destination, bus), kind, what, tone }
+}
+
+/// `NAME A322810A07212345 (maker 57, function 129, agriculture, number 74565)`.
+fn name_words(name: Name) -> String {
+    let parts = name.fields();
+    let industry = profile::industry_groups().text_of(u32::from(parts.industry_group));
+    format!(
+        "NAME {:016X} (maker {}, function {}, {}, number {})",
+        name.0,
+        parts.manufacturer_code,
+        parts.function,
+        industry.unwrap_or("reserved industry"),
+        parts.identity_number
+    )
+}
+
+fn claim_words(claim: &AddressClaim, bus: &Bus) -> Words {
+    let name = name_words(claim.name);
+    let from = claim.from.map_or(String::new(), |from| format!(", was {from:02X}"));
+    let command =
+        if claim.commanded == 0 { String::new() } else { format!(", as commanded {{{}}}", claim.commanded) };
+    let (mut what, tone) = match claim.action {
+        ClaimAction::Claimed => {
+            (format!("claims address {:02X}{from}{command}: {name}", claim.source), Tone::Plain)
+        }
+        ClaimAction::Confirmed => (format!("has address {:02X}: {name}", claim.source), Tone::Quiet),
+        ClaimAction::Lost => (format!("wants address {:02X} and loses it: {name}", claim.source), Tone::Bad),
+        ClaimAction::CannotClaim => (format!("CANNOT CLAIM an address{from}: {name}"), Tone::Bad),
+    };
+    if let Some(contention) = claim.contention {
+        let winner = if contention.winner == claim.name { "wins" } else { "loses" };
+        let _ = write!(what, "; {winner} against {:016X}, the lower NAME has it", contention.other.0);
+    }
+    Words { who: node_label(NodeId::J1939(claim.source), bus), kind: "CLAIM", what, tone }
+}
+
+fn commanded(command: &CommandedAddress, bus: &Bus) -> Words {
+    let present = command.present.map_or(String::new(), |present| format!(", now {present:02X}"));
+    let what = format!("tells {} to take address {:02X}{present}", name_words(command.name), command.address);
+    Words { who: address(command.source, bus), kind: "ADDR", what, tone: Tone::Caution }
+}
+
+/// `SPN 298985 FMI 19 time guarding, warning; needs 2 neutral AVC and spool neutral`.
+fn dtc_words(dtc: &Dtc, event: &Event, bus: &Bus) -> Words {
+    let own = device_of(event, bus).dtc(dtc.spn, dtc.fmi);
+    let assumed = if dtc.is_old_coding { "?" } else { "" };
+    let mut what = format!("SPN {}{assumed} FMI {}", dtc.spn, dtc.fmi);
+    let mode = profile::failure_modes().find(u32::from(dtc.fmi));
+    match (own, mode) {
+        (Some(own), _) => {
+            let _ = write!(what, " {}", own.text);
+            if !own.severity.is_empty() {
+                let _ = write!(what, ", {}", own.severity);
+            }
+        }
+        (None, Some(mode)) => {
+            let _ = write!(what, " {}", mode.text);
+        }
+        (None, None) => {}
+    }
+    if let Some(count) = dtc.count.filter(|count| *count > 0) {
+        let _ = write!(what, ", {count} ×");
+    }
+    if !dtc.lamps.is_empty() {
+        let _ = write!(what, ", lamps: {}", dtc.lamps.join(" "));
+    }
+    let since = dtc.since.map_or(String::new(), |since| format!(" after {} s", seconds(since)));
+    let tone = match dtc.action {
+        DtcAction::Raised | DtcAction::Recurred => {
+            if dtc.action == DtcAction::Recurred {
+                what.push_str(", came again");
+            }
+            if let Some(own) = own.filter(|own| !own.recovery.is_empty()) {
+                let _ = write!(what, "; needs {}", own.recovery);
+            }
+            Tone::Bad
+        }
+        DtcAction::NoLongerReported => {
+            let how = match (dtc.by_silence, dtc.may_be_hidden) {
+                (true, _) => ": DM1 stopped",
+                (false, true) => ": gone, or hidden by a more urgent fault",
+                (false, false) => "",
+            };
+            let _ = write!(what, " no longer reported{since}{how}");
+            Tone::Caution
+        }
+        DtcAction::PreviouslyActive => {
+            what.push_str(" was active before");
+            Tone::Plain
+        }
+        DtcAction::Cleared => {
+            let _ = write!(what, " cleared{since}");
+            Tone::Good
+        }
+    };
+    Words { who: node_label(NodeId::J1939(dtc.source), bus), kind: "DTC", what, tone }
+}
+
+/// `AVC valve 0: 312 ms > 250 ms (usual 100 ± 3)`.
+fn gap_words(gap: &MessageGap, event: &Event, bus: &Bus) -> Words {
+    let whole = |nanoseconds: i64| (nanoseconds + 500_000) / 1_000_000;
+    let mut what = format!("{}: {} ms > {} ms", gap.message, whole(gap.gap), whole(gap.limit));
+    if let Some((usual, deviation)) = gap.usual {
+        let _ = write!(what, " (usual {} ± {})", whole(usual), whole(deviation));
+    }
+    if !gap.came_again {
+        what.push_str(", not seen again");
+    }
+    let who = match event.node {
+        Some(NodeId::J1939(to)) if to != gap.source => pair(gap.source, to, bus),
+        _ => node_label(NodeId::J1939(gap.source), bus),
+    };
+    Words { who, kind: "GAP", what, tone: Tone::Caution }
+}
+
+fn irregular(irregularity: &Irregularity, bus: &Bus) -> Words {
+    let pgn = irregularity.pgn.map_or(String::new(), |pgn| format!(" of {pgn}"));
+    let number = |number: Option<u32>| number.map_or("?".into(), |number: u32| number.to_string());
+    let what = match irregularity.what {
+        IrregularityKind::Gap => {
+            let (came, due) = (number(irregularity.packet), number(irregularity.expected));
+            format!("{}{pgn}: {came} came, {due} was due", irregularity.message)
+        }
+        IrregularityKind::Duplicate => {
+            format!("{} {}{pgn} came again", irregularity.message, number(irregularity.packet))
+        }
+        IrregularityKind::Retransmission => {
+            format!(
+                "{}{pgn} asks again for packets from {} on",
+                irregularity.message,
+                number(irregularity.expected)
+            )
+        }
+        IrregularityKind::Late => {
+            let timer = irregularity.timer.map_or("", |timer| timer.name());
+            let delay =
+                irregularity.delay.map_or(String::new(), |delay| format!(" after {} ms", millis(delay)));
+            format!("{}{pgn} late{delay}, {timer} passed", irregularity.message)
+        }
+        IrregularityKind::Unexpected => format!("{}{pgn} that nothing explains", irregularity.message),
+    };
+    let who = match (irregularity.source, irregularity.destination) {
+        (Some(source), Some(destination)) => pair(source, destination, bus),
+        _ => String::new(),
+    };
+    Words { who, kind: "TP", what, tone: Tone::Caution }
+}
