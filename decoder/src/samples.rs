@@ -10,9 +10,11 @@ use std::sync::Arc;
 
 use toml::Spanned;
 
-use crate::event::{DeviceState, Effective, Emergency, EventKind, Outcome, Pdo, SdoTransfer};
+use crate::event::{
+    DeviceState, Dtc, Effective, Emergency, EventKind, J1939Message, Outcome, Pdo, SdoTransfer,
+};
 use crate::profile::device::Sample;
-use crate::profile::{Device, Meaning, TextError, Value, emcy_codes, integer, word};
+use crate::profile::{Device, Layout, Meaning, TextError, Value, emcy_codes, integer, word};
 use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
 use run::Outcomes;
@@ -63,7 +65,25 @@ impl Run<'_> {
                 EventKind::Pdo(pdo) if pdo.name == name => Some(pdo),
                 _ => None,
             });
-            self.found(pdo, name, &outcomes, Self::pdo);
+            let what = name.to_string();
+            self.found(pdo, name, &outcomes, |it, pdo: &Pdo| {
+                it.values(&what, pdo.layout.as_deref(), pdo.payload());
+            });
+        } else if let Some(name) = &sample.message {
+            let message = outcomes.find(|kind| match kind {
+                EventKind::J1939Message(message) if self.is_message(message, name) => Some(message),
+                _ => None,
+            });
+            self.found(message, name, &outcomes, |it, message: &J1939Message| {
+                it.values(name, message.layout.as_deref(), message.payload());
+            });
+        } else if let Some(wanted) = &sample.dtc {
+            let named = |dtc: &Dtc| format!("{}/{}", dtc.spn, dtc.fmi) == *wanted;
+            let dtc = outcomes.find(|kind| match kind {
+                EventKind::Dtc(dtc) if named(dtc) => Some(&**dtc),
+                _ => None,
+            });
+            self.found(dtc, format!("fault {wanted}"), &outcomes, Self::dtc);
         } else if sample.emcy.is_some() {
             let emcy = outcomes.find(|kind| match kind {
                 EventKind::Emcy(emcy) => Some(emcy),
@@ -83,7 +103,9 @@ impl Run<'_> {
         } else if let Some(gate) = &sample.gate {
             self.gate(gate, &outcomes);
         } else {
-            self.say("it states nothing: give pdo, emcy, object, abort, state, procedure or gate");
+            self.say(
+                "it states nothing: give pdo, message, emcy, dtc, object, abort, state, procedure or gate",
+            );
         }
     }
 
@@ -100,17 +122,31 @@ impl Run<'_> {
         }
     }
 
-    fn pdo(&mut self, pdo: &Pdo) {
+    /// Whether a message is the one the profile calls so.
+    fn is_message(&self, message: &J1939Message, name: &str) -> bool {
+        let spec = self.device.messages.iter().find(|spec| spec.name == name);
+        spec.is_some_and(|spec| spec.number_of(message.id.pgn).is_some())
+    }
+
+    fn dtc(&mut self, dtc: &Dtc) {
+        let own = self.device.dtc(dtc.spn, dtc.fmi).map_or("", |own| own.text.as_str());
+        if let Some(wanted) = &self.sample.text {
+            self.text(own, wanted);
+        }
+    }
+
+    /// Values of a PDO or message.
+    fn values(&mut self, what: &str, layout: Option<&Layout>, payload: &[u8]) {
         let sample = self.sample;
         if sample.signals.is_empty() && sample.texts.is_empty() {
-            self.say("it states no value of the PDO: give signals or texts");
+            self.say(format!("it states no value of {what}: give signals or texts"));
         }
         let read = |object: &str| -> Result<(Option<Arc<Meaning>>, Value), String> {
             let object: ObjectAddress = object.parse().map_err(|error| format!("{object}: {error}"))?;
-            let layout = pdo.layout.as_ref().ok_or_else(|| format!("{} has no layout", pdo.name))?;
-            let mut signals = layout.signals(pdo.payload());
+            let layout = layout.ok_or_else(|| format!("{what} has no layout"))?;
+            let mut signals = layout.signals(payload);
             let signal = signals.find(|signal| signal.field.object() == Some(object));
-            let signal = signal.ok_or_else(|| format!("{object} is not in {}", pdo.name))?;
+            let signal = signal.ok_or_else(|| format!("{object} is not in {what}"))?;
             Ok((signal.field.meaning.clone(), signal.value))
         };
         for (object, wanted) in &sample.signals {

@@ -41,7 +41,7 @@ fn a_field_alone_asks_whether_it_is_there() {
     assert_eq!(matching("abort && protocol == canopen && kind == sdo-transfer"), ["sdo-transfer"; 3]);
     assert_eq!(matching("abort.by == receiver"), ["j1939-transfer"]);
     assert_eq!(matching("signals && kind == pdo"), ["pdo"; 2]);
-    assert_eq!(matching("missing == 2001sub1"), ["pdo", "j1939-message"]);
+    assert_eq!(matching("missing == 2001sub1 && kind == pdo"), ["pdo"]);
     assert_eq!(matching("toggle_error"), ["guard-reply"]);
     assert_eq!(matching("last_emcy"), ["node-lost"], "null is not there");
     assert_eq!(matching("!(kind == lss) && !node_name").len(), 0);

@@ -67,6 +67,13 @@ fn every_layout_error_state_and_procedure_has_a_sample() {
         for pdo in device.pdos.iter().filter(|pdo| !pdo.fields.is_empty()) {
             want(&pdo.pdo.to_string(), samples().any(|sample| sample.pdo == Some(pdo.pdo)));
         }
+        for message in device.messages.iter().filter(|message| !message.fields.is_empty()) {
+            want(&message.name, samples().any(|sample| sample.message.as_ref() == Some(&message.name)));
+        }
+        for fault in &device.j1939.dtc {
+            let name = format!("{}/{}", fault.spn, fault.fmi);
+            want(&name, samples().any(|sample| sample.dtc.as_ref() == Some(&name)));
+        }
         for error in &device.emcy.code {
             let has = samples().any(|sample| sample.emcy == Some(error.code));
             want(&format!("EMCY {:04X}", error.code), has);
@@ -109,6 +116,12 @@ fn wrong_ones(sample: &Sample) -> Vec<Sample> {
     }
     if sample.emcy.is_some() {
         add(&|it| it.emcy = it.emcy.map(|code| code ^ 1));
+    }
+    if sample.message.is_some() {
+        add(&|it| other(&mut it.message));
+    }
+    if sample.dtc.is_some() {
+        add(&|it| it.dtc = Some("1/1".into()));
     }
     if sample.abort.is_some() {
         add(&|it| it.abort = it.abort.map(|code| code ^ 1));
@@ -199,7 +212,7 @@ fn a_sample_that_shows_nothing_is_wrong() {
     assert_eq!(
         wrong(&format!("{about}frames = [\"181#EF01\"]")),
         [
-            "16: acme-pump: sample: x: it states nothing: give pdo, emcy, object, abort, state, procedure or gate"
+            "16: acme-pump: sample: x: it states nothing: give pdo, message, emcy, dtc, object, abort, state, procedure or gate"
         ]
     );
     assert_eq!(

@@ -343,9 +343,9 @@ pub enum StampStyle {
 pub enum Protocol {
     /// By evidence
     Auto,
-    /// CANopen whatever the evidence, and nothing else
+    /// Identifiers of 11 bits are CANopen, whatever the evidence
     Canopen,
-    /// J1939 whatever the evidence, and nothing else
+    /// Identifiers of 29 bits are J1939, whatever the evidence
     J1939,
     /// No protocol: frames only
     None,

@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use super::authored::Wrong;
 use super::data_type::DataType;
-use super::device::{Condition, Device, Machine, ProfileFile, Trigger, Wanted};
+use super::device::{Condition, Device, Machine, MessageSpec, PdoField, ProfileFile, Trigger, Wanted};
 use super::dictionary::{Dictionary, Entry, Object};
 use super::formula::formula;
 use super::layout::PdoName;
@@ -18,6 +18,12 @@ use crate::wire::canopen::ObjectAddress;
 
 /// Most bits a classic CAN frame holds.
 const FRAME_BITS: u16 = 64;
+
+/// Most bits of a J1939 message that travels in packets (J1939-21 §5.10).
+const MESSAGE_BITS: u16 = 1_785 * 8;
+
+/// Last parameter group, 18 bits.
+const LAST_PGN: u32 = 0x3_FFFF;
 
 /// Most entries of a profile, repeats counted: more than four times what CiA 301 describes.
 const MOST_ENTRIES: usize = 1 << 20;
@@ -245,24 +251,53 @@ impl Check<'_> {
             if pdo.when.is_none() {
                 ended.push(pdo.pdo);
             }
-            let bits = pdo.fields.iter().fold(0_u16, |bits, field| bits.saturating_add(field.bits));
+            let bits = self.fields(&pdo.fields, span);
             if bits > FRAME_BITS {
                 self.say(span, format!("{} has {bits} bits; a frame holds {FRAME_BITS}", pdo.pdo));
             }
-            for field in &pdo.fields {
-                let Some(object) = field.object else { continue };
-                self.known(object, span, "field");
-                let known = device.dictionary.data_type(object.object).and_then(DataType::bits);
-                if field.bits == 0 || known.is_some_and(|known| known < field.bits) {
-                    self.say(span, format!("{} has fewer than {} bits", object.object, field.bits));
-                }
-            }
+        }
+        for (message, span) in device.messages.iter().zip(&device.places.messages) {
+            self.message(message, span);
         }
         for (pdo, span) in device.pdos.iter().zip(&device.places.pdos) {
             if !ended.contains(&pdo.pdo) {
                 self.say(span, format!("the last entry of {} has no `when`", pdo.pdo));
                 ended.push(pdo.pdo);
             }
+        }
+    }
+
+    /// Checks fields that follow each other; gives the bits they take.
+    fn fields(&mut self, fields: &[PdoField], span: &Range<usize>) -> u16 {
+        for field in fields {
+            let Some(object) = field.object else { continue };
+            self.known(object, span, "field");
+            let known = self.device.dictionary.data_type(object.object).and_then(DataType::bits);
+            if field.bits == 0 || known.is_some_and(|known| known < field.bits) {
+                self.say(span, format!("{} has fewer than {} bits", object.object, field.bits));
+            }
+        }
+        fields.iter().fold(0_u16, |bits, field| bits.saturating_add(field.bits))
+    }
+
+    fn message(&mut self, message: &MessageSpec, span: &Range<usize>) {
+        let name = &message.name;
+        let bits = self.fields(&message.fields, span);
+        if bits > MESSAGE_BITS {
+            self.say(span, format!("{name} has {bits} bits; a message holds {MESSAGE_BITS}"));
+        }
+        let last = message.pgn.saturating_add(u32::from(message.count).saturating_sub(1));
+        if message.count == 0 || last > LAST_PGN {
+            self.say(span, format!("{name}: groups are 0 to 0x{LAST_PGN:X}, one or more"));
+        }
+        let address = self.device.j1939.addresses.map_or(0, |[first, _]| first);
+        if let Some(number) = &message.number
+            && formula(number, Some(address)).is_none_or(|number| number >= u64::from(message.count))
+        {
+            self.say(
+                span,
+                format!("{name}: number '{number}' is none of its {} at address {address}", message.count),
+            );
         }
     }
 
@@ -349,6 +384,15 @@ impl Check<'_> {
             }
             Trigger::Bit(bit, _) => self.known(bit.object, span, "bit"),
             Trigger::State(states) => self.states(states, span),
+            Trigger::Message(message) => {
+                if !self.device.messages.iter().any(|spec| spec.name == message.name) {
+                    self.say(span, format!("there is no message '{}'", message.name));
+                }
+                message.when.0.iter().for_each(|when| self.condition(when, span));
+            }
+            Trigger::Dtc(Some((spn, fmi))) if self.device.dtc(*spn, *fmi).is_none() => {
+                self.say(span, format!("there is no fault {spn}/{fmi}"));
+            }
             _ => {}
         }
     }

@@ -11,6 +11,7 @@ use crate::profile::Device;
 use crate::profile::device::Sample;
 use crate::profile::object::Given;
 use crate::session::{AssignedBy, Assignment, Bus, ProtocolChoice, SessionOptions};
+use crate::wire::NodeId;
 
 /// Name of the only bus.
 const BUS: &str = "can0";
@@ -48,7 +49,7 @@ impl Outcomes {
                         outcomes.events.clear();
                         let events = &mut outcomes.events;
                         let mut keep = |event: &Event, _: &Bus| {
-                            if event.node == Some(sample.node) {
+                            if event.node == Some(sample.node) || is_for_all(&event.kind) {
                                 events.push(event.kind.clone());
                             }
                         };
@@ -75,6 +76,11 @@ impl Outcomes {
     }
 }
 
+/// Messages a device takes come from another one.
+fn is_for_all(kind: &EventKind) -> bool {
+    matches!(kind, EventKind::J1939Message(_))
+}
+
 /// The node is the device, and what is given is known of it.
 fn options(sample: &Sample, device: &Arc<Device>) -> Result<SessionOptions, String> {
     let mut settings = Settings::default();
@@ -94,7 +100,10 @@ fn options(sample: &Sample, device: &Arc<Device>) -> Result<SessionOptions, Stri
         settings.areas.push((sample.node, name.clone(), entries.collect::<Result<_, String>>()?));
     }
     Ok(SessionOptions {
-        protocol: ProtocolChoice::Canopen,
+        protocol: match sample.node {
+            NodeId::Canopen(_) => ProtocolChoice::Canopen,
+            NodeId::J1939(_) => ProtocolChoice::J1939,
+        },
         bus_file: BusFile { everywhere: settings, buses: Vec::new() },
         assignments: vec![Assignment {
             bus: None,

@@ -54,9 +54,9 @@ pub(super) struct Belief {
 impl Belief {
     pub(super) fn new(choice: ProtocolChoice) -> Self {
         let standing = match choice {
-            ProtocolChoice::Auto => Standing::Presumed,
+            ProtocolChoice::Auto | ProtocolChoice::J1939 => Standing::Presumed,
             ProtocolChoice::Canopen => Standing::Believed,
-            ProtocolChoice::J1939 | ProtocolChoice::None => Standing::Doubted,
+            ProtocolChoice::None => Standing::Doubted,
         };
         Self {
             choice,
@@ -154,7 +154,7 @@ impl Belief {
     }
 
     fn judge(&mut self) {
-        if self.choice != ProtocolChoice::Auto {
+        if !matches!(self.choice, ProtocolChoice::Auto | ProtocolChoice::J1939) {
             return;
         }
         let contradicted =

@@ -37,7 +37,7 @@ impl Bus {
         if self.belief.standing() != Standing::Doubted {
             return true;
         }
-        if self.options.protocol == super::ProtocolChoice::Auto
+        if self.options.protocol != super::ProtocolChoice::None
             && !std::mem::replace(&mut self.said.doubted, true)
         {
             let reason = self.belief.reason();

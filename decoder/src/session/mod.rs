@@ -72,9 +72,9 @@ pub enum ProtocolChoice {
     /// By evidence.
     #[default]
     Auto,
-    /// CANopen, whatever the evidence.
+    /// CANopen on 11 bits, whatever the evidence; the rest by evidence.
     Canopen,
-    /// J1939, whatever the evidence.
+    /// J1939 on 29 bits, whatever the evidence; the rest by evidence.
     J1939,
     /// Nothing: frames only.
     None,

@@ -36,6 +36,9 @@ pub struct TroubleCode {
     pub fmi: u8,
     /// What it means.
     pub text: String,
+    /// Where the manual sees its source: `external`, `internal`.
+    #[serde(default)]
+    pub origin: String,
     /// The manual's word for how serious it is.
     #[serde(default)]
     pub severity: String,

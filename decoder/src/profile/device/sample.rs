@@ -37,7 +37,13 @@ pub struct Sample {
     /// The last frame is this PDO.
     #[serde(default)]
     pub pdo: Option<PdoName>,
-    /// Its scaled values by object.
+    /// The last frame is this message of J1939, by its name in the profile.
+    #[serde(default)]
+    pub message: Option<String>,
+    /// The last frame reports this fault, as "298985/19": SPN and FMI.
+    #[serde(default)]
+    pub dtc: Option<String>,
+    /// Scaled values of the PDO or message by object.
     #[serde(default)]
     pub signals: BTreeMap<String, Spanned<f64>>,
     /// Its names of values and bits by object.
@@ -58,7 +64,7 @@ pub struct Sample {
     /// The last frame is an SDO abort with this code.
     #[serde(default)]
     pub abort: Option<u32>,
-    /// Text of the EMCY, of the abort as the device means it, or of the object's value.
+    /// Text of the EMCY, of the fault, of the abort as the device means it, or of the object's value.
     #[serde(default)]
     pub text: Option<String>,
     /// The state machine is in this state.

@@ -139,7 +139,10 @@ impl Device {
             .iter()
             .any(|machine| machine.status.object.object == object || machine.control.object.object == object);
         let bit = |trigger: &Trigger| matches!(trigger, Trigger::Bit(bit, _) if bit.object.object == object);
-        machine || self.gates_on(object) || self.procedures.iter().flat_map(Procedure::triggers).any(bit)
+        let on =
+            |open: &Condition| matches!(open, Condition::Object { object: of, .. } if of.object == object);
+        let when = |trigger: &Trigger| bit(trigger) || trigger.when().iter().any(on);
+        machine || self.gates_on(object) || self.procedures.iter().flat_map(Procedure::triggers).any(when)
     }
 
     /// Whether a gate looks at an object.

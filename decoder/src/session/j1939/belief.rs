@@ -34,12 +34,12 @@ pub(in crate::session) struct J1939Belief {
 impl J1939Belief {
     pub(in crate::session) fn new(choice: ProtocolChoice) -> Self {
         let standing = match choice {
-            ProtocolChoice::Auto => Standing::Presumed,
+            ProtocolChoice::Auto | ProtocolChoice::Canopen => Standing::Presumed,
             ProtocolChoice::J1939 => Standing::Believed,
-            ProtocolChoice::Canopen | ProtocolChoice::None => Standing::Doubted,
+            ProtocolChoice::None => Standing::Doubted,
         };
         // A choice of the user needs no word about it.
-        let said = choice != ProtocolChoice::Auto;
+        let said = choice == ProtocolChoice::None;
         Self { standing, evidence: 0, contradictions: 0, sources: [0; 4], said }
     }
 
