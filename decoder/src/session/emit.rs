@@ -74,13 +74,20 @@ impl Bus {
         kind: EventKind,
         out: &mut dyn Observer,
     ) {
-        let mut event = self.event(frame, kind);
-        event.node = node.into();
-        if let Some(NodeId::J1939(_)) = event.node {
-            event.protocol = Protocol::J1939;
-        }
+        let mut event = self.event_of(frame, node.into(), kind);
         event.routine = routine;
         out.event(&event, self);
+    }
+
+    /// An event about one frame and a node, as the protocol the node speaks.
+    pub(super) fn event_of(&self, frame: &Frame, node: Option<NodeId>, kind: EventKind) -> Event {
+        let mut event = self.event(frame, kind);
+        event.node = node;
+        if let Some(NodeId::J1939(_)) = node {
+            event.protocol = Protocol::J1939;
+            event.presumed = !self.j1939.is_believed();
+        }
+        event
     }
 
     /// Emits an event about the bus itself.

@@ -127,7 +127,9 @@ impl Bus {
             if before == Some(raw) {
                 continue;
             }
-            set_points |= meaning.role == Some(Role::SetPoint) && direction == PdoDirection::Receive;
+            let decides = watched.decides && matches!(carrier, Carrier::Message(_));
+            let is_set_point = meaning.role == Some(Role::SetPoint) || decides;
+            set_points |= is_set_point && direction == PdoDirection::Receive;
             gates |= watched.is_gate;
             let object = watched.object;
             let changed = Changed { id, device: &device, field, object, meaning, before, raw };

@@ -23,8 +23,8 @@ const LAST_SYNCHRONOUS: u64 = 240;
 pub(in crate::session) struct SetPointState {
     carrier: Carrier,
     meaning: Arc<Meaning>,
-    /// Value that was told last.
-    told: Option<Value>,
+    /// Value that was told last, and the quantity it was.
+    told: Option<(Value, Quantity)>,
     effective: Option<Effective>,
     gates: Vec<String>,
     /// Value that waits for SYNC, and when it came.
@@ -75,7 +75,7 @@ impl Bus {
             let Some(place) = self.set_point(id, carrier, meaning) else { continue };
             let Some(point) = self.set_point_mut(id, place) else { continue };
             point.assumed = layout.assumed;
-            if point.told.as_ref() == Some(&value) {
+            if point.is_told(&value) {
                 point.waiting = None;
             } else if waits {
                 point.waiting = Some((value, moment));
@@ -188,11 +188,11 @@ impl Bus {
             && node.behaviour.sync.is_some_and(|it| it.frame == frame.number);
         let mut told = point.event(&value, verdict.effective, &verdict.gates);
         told.sync_after = waited.then(|| now.saturating_sub(came.time));
-        let mut event = self.event(frame, EventKind::SetPoint(Box::new(told)));
-        event.node = Some(id);
+        let quantity = told.to.clone();
+        let mut event = self.event_of(frame, Some(id), EventKind::SetPoint(Box::new(told)));
         event.frames = FrameRange { first: came.frame, last: frame.number };
         if let Some(point) = self.set_point_mut(id, place) {
-            point.told = Some(value);
+            point.told = Some((value, quantity));
             point.effective = Some(verdict.effective);
             point.gates = verdict.gates;
         }
@@ -205,7 +205,7 @@ impl Bus {
         let Some(node) = self.node(id) else { return };
         let mut changes = Vec::new();
         for (place, point) in node.behaviour.set_points.iter().enumerate() {
-            let Some(value) = &point.told else { continue };
+            let Some((value, _)) = &point.told else { continue };
             let verdict = node.verdict(point.subject(), now);
             if point.effective != Some(verdict.effective) {
                 changes.push((place, point.event(value, verdict.effective, &verdict.gates), verdict));
@@ -222,19 +222,34 @@ impl Bus {
 }
 
 impl SetPointState {
-    fn event(&self, value: &Value, effective: Effective, gates: &[String]) -> SetPoint {
-        let quantity = |value: &Value| Quantity {
+    /// Whether a value says nothing new: the same number may be another quantity under another mode.
+    fn is_told(&self, value: &Value) -> bool {
+        self.told.as_ref().is_some_and(|(told, quantity)| {
+            told == value && (quantity.number == self.quantity(value).number || !self.by_message())
+        })
+    }
+
+    /// A message may decide itself how its set points are read.
+    const fn by_message(&self) -> bool {
+        matches!(self.carrier, Carrier::Message(_))
+    }
+
+    fn quantity(&self, value: &Value) -> Quantity {
+        Quantity {
             number: self.meaning.scaled(value).or_else(|| plain(&self.meaning, value)),
             text: signed(&self.meaning, value),
-        };
+        }
+    }
+
+    fn event(&self, value: &Value, effective: Effective, gates: &[String]) -> SetPoint {
         SetPoint {
             object: self.meaning.object,
             signal: self.meaning.name.clone(),
             short: self.meaning.short.clone(),
             channel: self.meaning.channel,
             carrier: self.carrier.clone(),
-            from: self.told.as_ref().map(quantity),
-            to: quantity(value),
+            from: self.told.as_ref().map(|(_, quantity)| quantity.clone()),
+            to: self.quantity(value),
             unit: self.meaning.unit.clone(),
             assumed: self.assumed || self.meaning.assumed,
             effective,

@@ -52,6 +52,14 @@ impl J1939Belief {
         self.standing == Standing::Doubted
     }
 
+    /// The user, or a device, says that there is one.
+    pub(in crate::session) fn support(&mut self) {
+        if !(self.said && self.is_doubted()) {
+            self.evidence = self.evidence.saturating_add(1);
+            self.standing = Standing::Believed;
+        }
+    }
+
     /// Takes a frame for or against it; only called until there is evidence.
     pub(super) fn weigh(&mut self, id: J1939Id, data: &[u8], is_plain: bool) {
         if self.said && self.standing == Standing::Doubted {

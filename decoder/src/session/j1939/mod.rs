@@ -12,7 +12,7 @@ mod message;
 pub(in crate::session) use belief::J1939Belief;
 pub(in crate::session) use cadence::Cadence;
 
-use crate::event::{Event, EventKind, J1939Acknowledgement, J1939Request, Protocol};
+use crate::event::{Event, EventKind, J1939Acknowledgement, J1939Request};
 use crate::frame::{Frame, FrameFlags};
 use crate::session::{Bus, Observer};
 use crate::wire::j1939::{Acknowledgement, J1939Id, NO_ADDRESS, Pgn, request};
@@ -101,10 +101,9 @@ impl Bus {
 
     /// An event about one frame, as J1939, of the node that sent it.
     pub(in crate::session) fn j1939_event(&self, frame: &Frame, id: J1939Id, kind: EventKind) -> Event {
-        let mut event = self.event(frame, kind);
-        event.protocol = Protocol::J1939;
-        event.presumed = !self.j1939.is_believed();
-        event.node = Some(NodeId::J1939(id.source)).filter(|node| node.is_valid());
+        let sender = NodeId::J1939(id.source);
+        let mut event = self.event_of(frame, Some(sender), kind);
+        event.node = Some(sender).filter(|node| node.is_valid());
         event
     }
 

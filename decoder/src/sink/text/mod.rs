@@ -26,10 +26,10 @@ use crate::frame::Timestamp;
 use crate::session::Bus;
 use crate::sink::ascii::push_blanks;
 
-/// Which PDOs are printed.
+/// Which PDOs and J1939 messages are printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum PdoLines {
-    /// The first of an identifier, and those whose payload differs from the one before.
+    /// The first of an identifier, and those that say something new.
     #[default]
     Change,
     /// All.
@@ -163,7 +163,15 @@ impl<W: Write> Text<W> {
         match &event.kind {
             EventKind::Pdo(pdo) => match self.options.pdo {
                 PdoLines::All => true,
-                PdoLines::Change => !event.routine && self.news.is_news(event, pdo),
+                PdoLines::Change => {
+                    let layout = pdo.layout.as_deref().filter(|_| !pdo.is_request);
+                    !event.routine && self.news.is_news(event.bus, pdo.cob_id, layout, pdo.payload())
+                }
+                PdoLines::None => false,
+            },
+            EventKind::J1939Message(message) => match self.options.pdo {
+                PdoLines::All => true,
+                PdoLines::Change => !event.routine && self.news.is_message_news(event.bus, message),
                 PdoLines::None => false,
             },
             EventKind::Frame(_) => self.options.frames,

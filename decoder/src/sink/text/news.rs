@@ -5,9 +5,9 @@ use std::collections::HashMap;
 
 use foldhash::fast::FixedState;
 
-use crate::event::{Event, Pdo};
+use crate::event::J1939Message;
 use crate::frame::{BusIndex, CanId};
-use crate::profile::{Field, Meaning, Role};
+use crate::profile::{Field, Layout, Meaning, Role};
 
 /// A measured value is news when it moved by this part of its full scale.
 const SHARE: u64 = 100;
@@ -24,18 +24,43 @@ pub(super) struct News {
 impl News {
     /// Whether a PDO that changed says something no other line says. What it is compared with is the
     /// last one that did.
-    pub(super) fn is_news(&mut self, event: &Event, pdo: &Pdo) -> bool {
-        let Some(layout) = pdo.layout.as_deref().filter(|_| !pdo.is_request) else { return true };
+    pub(super) fn is_news(
+        &mut self,
+        bus: BusIndex,
+        id: CanId,
+        layout: Option<&Layout>,
+        payload: &[u8],
+    ) -> bool {
+        let Some(layout) = layout else { return true };
         let role = |field: &Field| field.meaning.as_deref().and_then(|meaning| meaning.role);
         if !layout.fields.iter().any(|field| role(field).is_some()) {
             return true;
         }
-        let key = (event.bus, pdo.cob_id);
-        let payload = pdo.payload();
+        self.differs((bus, id), payload, |before| {
+            layout.fields.iter().any(|field| moved(field, field.meaning.as_deref().and_then(|meaning| meaning.role), before, payload))
+        })
+    }
+
+    /// The same of a J1939 message. Of one nobody knows, only the first is news: most are measured values,
+    /// and their bytes say little.
+    pub(super) fn is_message_news(&mut self, bus: BusIndex, message: &J1939Message) -> bool {
+        let payload = message.payload();
+        self.differs((bus, message.can_id), payload, |before| {
+            let fields = message.layout.iter().flat_map(|layout| &layout.fields);
+            fields.into_iter().any(|field| {
+                let meaning = field.meaning.as_deref();
+                let is_measured = meaning.is_some_and(|meaning| meaning.values.is_none() && meaning.bits.is_none());
+                let role = meaning.and_then(|meaning| meaning.role).or(is_measured.then_some(Role::Actual));
+                moved(field, role, before, payload)
+            })
+        })
+    }
+
+    fn differs(&mut self, key: (BusIndex, CanId), payload: &[u8], moved: impl Fn(&[u8]) -> bool) -> bool {
         let news = match self.printed.get(&key) {
             None => true,
             Some(before) if before.len() != payload.len() => true,
-            Some(before) => layout.fields.iter().any(|field| moved(field, before, payload)),
+            Some(before) => moved(before),
         };
         if news && (self.printed.len() < MOST || self.printed.contains_key(&key)) {
             self.printed.insert(key, payload.into());
@@ -45,16 +70,15 @@ impl News {
 }
 
 /// Whether a field changed in a way that no other line tells.
-fn moved(field: &Field, before: &[u8], now: &[u8]) -> bool {
+fn moved(field: &Field, role: Option<Role>, before: &[u8], now: &[u8]) -> bool {
     let (before, now) = (field.extract(before), field.extract(now));
     let (Some(before), Some(now)) = (before, now) else { return before != now };
     if before == now {
         return false;
     }
-    match field.meaning.as_deref() {
-        Some(meaning) if meaning.role == Some(Role::SetPoint) => false,
-        Some(meaning) if meaning.role == Some(Role::Status) => false,
-        Some(meaning) if meaning.role == Some(Role::Actual) => {
+    match (field.meaning.as_deref(), role) {
+        (_, Some(Role::SetPoint | Role::Status)) => false,
+        (Some(meaning), Some(Role::Actual)) => {
             let value = |raw| crate::profile::integer(&field.data_type.number(raw)).unwrap_or(0);
             value(before).abs_diff(value(now)) >= full_scale(meaning, field.bits) / SHARE
                 || meaning.label(&field.data_type.number(now)).is_some()
@@ -80,58 +104,53 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::event::{EventKind, FrameRange, Protocol};
     use crate::frame::MAX_DATA;
-    use crate::profile::{DataType, Layout, PdoDirection, PdoName};
+    use crate::profile::DataType;
     use crate::wire::canopen::ObjectAddress;
+    use crate::wire::j1939::J1939Id;
 
-    fn event(payload: [u8; 4]) -> Event {
+    fn layout(roles: [Option<Role>; 2]) -> Layout {
         let field = |bit, role| Field {
-            meaning: Some(Arc::new(Meaning {
-                role: Some(role),
-                range: Some([-16384, 16384]),
-                ..Meaning::default()
-            })),
+            meaning: Some(Arc::new(Meaning { role, range: Some([-16384, 16384]), ..Meaning::default() })),
             ..Field::of_object(ObjectAddress::new(0x6041, 0), bit, 16, DataType::Integer16)
         };
-        let layout = Layout {
-            fields: vec![field(0, Role::Status), field(16, Role::Actual)],
-            bits: 32,
-            ..Layout::default()
-        };
-        let mut bytes = [0; MAX_DATA];
-        bytes[..4].copy_from_slice(&payload);
-        Event {
-            time: None,
-            bus: BusIndex(0),
-            frames: FrameRange::one(1),
-            protocol: Protocol::Canopen,
-            node: Some(1.into()),
-            presumed: false,
-            routine: false,
-            kind: EventKind::Pdo(Pdo {
-                name: PdoName { direction: PdoDirection::Transmit, number: 1 },
-                cob_id: CanId::standard(0x181),
-                is_request: false,
-                length: 4,
-                bytes,
-                layout: Some(Arc::new(layout)),
-            }),
-        }
+        let [first, second] = roles;
+        Layout { fields: vec![field(0, first), field(16, second)], bits: 32, ..Layout::default() }
     }
 
     #[test]
     fn a_measured_value_is_news_when_it_moved_by_a_hundredth_since_the_last_line() {
         let mut news = News::default();
-        let mut tell = |payload| {
-            let event = event(payload);
-            let EventKind::Pdo(pdo) = &event.kind else { unreachable!() };
-            news.is_news(&event, pdo)
-        };
+        let layout = layout([Some(Role::Status), Some(Role::Actual)]);
+        let mut tell =
+            |payload: [u8; 4]| news.is_news(BusIndex(0), CanId::standard(0x181), Some(&layout), &payload);
         assert!(tell([0, 0, 0, 0]));
         assert!(!tell([1, 0, 100, 0]), "the status has a line of its own, 100 of 16384 is little");
         assert!(!tell([1, 0, 160, 0]));
         assert!(tell([1, 0, 164, 0]), "163 is a hundredth of 16384");
         assert!(!tell([1, 0, 100, 0]));
+    }
+
+    #[test]
+    fn of_a_message_nobody_knows_the_first_is_news() {
+        let mut news = News::default();
+        let mut tell = |layout: Option<Layout>, first| {
+            let mut bytes = [0; MAX_DATA];
+            bytes[0] = first;
+            news.is_message_news(
+                BusIndex(0),
+                &J1939Message {
+                    id: J1939Id::of(0x18FE_F100).unwrap(),
+                    can_id: CanId::extended(0x18FE_F100 + u32::from(layout.is_some())),
+                    name: None,
+                    length: 8,
+                    bytes,
+                    layout: layout.map(Arc::new),
+                },
+            )
+        };
+        assert!(tell(None, 1) && !tell(None, 2));
+        let measured = || Some(layout([None, None]));
+        assert!(tell(measured(), 0) && !tell(measured(), 163 - 1) && tell(measured(), 163));
     }
 }
