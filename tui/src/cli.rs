@@ -9,7 +9,7 @@ use cobscope_decoder::wire::NodeId;
 
 use crate::select::Bound;
 
-/// Read CAN buses: what did the CANopen devices do?
+/// Read CAN buses: what did the CANopen and J1939 devices do?
 ///
 /// A capture may be candump text in any dialect, pcap, pcapng, PEAK TRC or Vector ASC, plain or
 /// compressed with gzip or zstd; its format is found by content. `cobscope CAPTURE` is short for
@@ -38,7 +38,8 @@ pub enum Command {
     /// Say what a code, an identifier, an object or one frame means
     ///
     /// THING is an SDO abort code (06020000), an EMCY code (8130), an object (1018:01, 0x1018:01,
-    /// 1018h:01h, 1018sub1), a COB-ID (185) or one frame in candump's log form (701#05).
+    /// 1018h:01h, 1018sub1), a COB-ID (185), a 29-bit identifier (18FECA80), a J1939 group (pgn:65226,
+    /// pgn:0xFECA), a J1939 fault (298985/19: SPN/FMI) or one frame in candump's log form (701#05).
     Explain {
         /// What to explain
         thing: String,
@@ -174,7 +175,8 @@ pub struct DecodeArgs {
     /// Write to FILE instead of standard output
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Which PDOs to print: those that changed, all or none (default: change for text, all for others)
+    /// Which PDOs and J1939 messages to print: those that say something new, all or none (default: change for
+    /// text, all for others)
     #[arg(long, value_name = "WHICH")]
     pub pdo: Option<Pdo>,
     /// Print repetitions too: heartbeats, SYNC, guarding (text; other formats always have them)
@@ -365,7 +367,7 @@ pub enum Format {
 /// Which PDOs are printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Pdo {
-    /// The first of each identifier and those that differ from the one before
+    /// The first of each identifier and those that say something new
     Change,
     /// All
     All,

@@ -56,6 +56,7 @@ pub(super) struct Said {
     pub(super) presumed: bool,
     pub(super) fd: bool,
     pub(super) extended_full: bool,
+    pub(super) fast_packets: bool,
 }
 
 impl Bus {

@@ -114,7 +114,7 @@ impl Printer {
 
     fn is_wanted(&self, event: &Event) -> bool {
         match &event.kind {
-            EventKind::Pdo(_) => match self.pdo {
+            EventKind::Pdo(_) | EventKind::J1939Message(_) => match self.pdo {
                 Pdo::All => true,
                 Pdo::Change => !event.routine,
                 Pdo::None => false,

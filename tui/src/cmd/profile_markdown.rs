@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use cobscope_decoder::profile::Device;
 use cobscope_decoder::sink::escape;
 
-use super::describe::{FIRM, behaviour, network};
+use super::describe::{FIRM, behaviour, j1939, network};
 use super::profiles::counts;
 
 /// Tables of what the device does; its objects stand in the page of text only.
@@ -26,11 +26,15 @@ pub(super) fn markdown(device: &Device) -> String {
     let network = network.map(|fact| vec![fact.heading.to_owned(), fact.text, fact.source]).collect();
     table(&mut text, "Network", &["what", "how", "section"], network);
     table(&mut text, "PDOs", &["PDO", "contents", "mapping", "section"], pdos(device));
+    let columns = ["message", "contents", "section"];
+    table(&mut text, "J1939 messages", &columns, messages(device));
     states(&mut text, device);
     table(&mut text, "Gates", &["gate", "set points", "when", "what it is about", "section"], gates(device));
     table(&mut text, "Procedures", &["procedure", "how it is seen", "section"], procedures(device));
     let columns = ["code", "meaning", "register", "reaction", "check", "section"];
     table(&mut text, "EMCY codes", &columns, errors(device));
+    let columns = ["SPN/FMI", "meaning", "check", "section"];
+    table(&mut text, "J1939 faults", &columns, faults(device));
     table(&mut text, "SDO abort codes", &["code", "meaning", "of objects", "section"], aborts(device));
     let columns = ["name", "statement", "severity", "section"];
     table(&mut text, "Statements a capture can violate", &columns, rules(device));
@@ -97,6 +101,21 @@ fn gates(device: &Device) -> Vec<Vec<String>> {
             gate.text.clone(),
             gate.source.clone(),
         ]
+    });
+    rows.collect()
+}
+
+fn messages(device: &Device) -> Vec<Vec<String>> {
+    let rows = device.messages.iter().map(|message| {
+        let contents = j1939::message_contents(device, message);
+        vec![j1939::message_name(message), contents, message.source.clone()]
+    });
+    rows.collect()
+}
+
+fn faults(device: &Device) -> Vec<Vec<String>> {
+    let rows = device.j1939.dtc.iter().map(|dtc| {
+        vec![j1939::dtc_code(dtc), j1939::dtc_text(dtc), dtc.causes.join("; "), dtc.source.clone()]
     });
     rows.collect()
 }

@@ -4,12 +4,12 @@ use std::fmt::Write as _;
 
 use cobscope_decoder::profile::Device;
 use cobscope_decoder::profile::device::{
-    AbortText, DeviceRule, ErrorCode, Gate, Machine, Masked, PdoSpec, Procedure,
+    AbortText, DeviceRule, ErrorCode, Gate, Machine, Masked, MessageSpec, PdoSpec, Procedure, TroubleCode,
 };
 use cobscope_decoder::sink::escape;
 
 use super::describe::network::{self, Fact};
-use super::describe::{behaviour, fold, object, section as cite};
+use super::describe::{behaviour, fold, j1939, object, section as cite};
 
 /// Everything the profile says, in short.
 pub(super) fn page(device: &Device) -> String {
@@ -25,6 +25,8 @@ pub(super) fn page(device: &Device) -> String {
     section(&mut text, "Variants", device.variants.iter().map(|it| format!("{:<12} {}", it.id, it.title)));
     section(&mut text, "Network", network::facts(device).iter().map(fact_line));
     section(&mut text, "PDOs", device.pdos.iter().map(|it| pdo_line(device, it)));
+    let messages = device.messages.iter().map(|it| message_line(device, it));
+    section(&mut text, "J1939 messages", messages);
     for machine in behaviour::first_machines(device) {
         let title = format!("State machine \"{}\"{}", machine.name, behaviour::channels(device));
         section(&mut text, &title, machine_lines(machine));
@@ -32,6 +34,7 @@ pub(super) fn page(device: &Device) -> String {
     section(&mut text, "Gates of set points", behaviour::first_gates(device).map(|it| gate_line(device, it)));
     section(&mut text, "Procedures", device.procedures.iter().map(|it| procedure_line(device, it)));
     section(&mut text, "EMCY codes", device.emcy.code.iter().map(emcy_line));
+    section(&mut text, "J1939 faults (SPN/FMI)", device.j1939.dtc.iter().map(dtc_line));
     section(&mut text, "SDO abort codes", device.aborts.iter().map(abort_line));
     section(&mut text, "Statements a capture can violate", rules(&device.rules).into_iter().map(rule_line));
     let waivers = device.waivers.iter().map(|it| format!("{}: {}  {}", it.rule, it.text, cite(&it.source)));
@@ -62,6 +65,15 @@ fn fact_line(fact: &Fact) -> String {
 fn pdo_line(device: &Device, pdo: &PdoSpec) -> String {
     let (name, contents) = (behaviour::pdo_name(device, pdo), behaviour::pdo_contents(device, pdo));
     format!("{name}: {contents}  {}", cite(&pdo.source))
+}
+
+fn message_line(device: &Device, message: &MessageSpec) -> String {
+    let (name, contents) = (j1939::message_name(message), j1939::message_contents(device, message));
+    format!("{name}: {contents}  {}", cite(&message.source))
+}
+
+fn dtc_line(dtc: &TroubleCode) -> String {
+    format!("{}  {}  {}", j1939::dtc_code(dtc), j1939::dtc_text(dtc), cite(&dtc.source))
 }
 
 fn machine_lines(machine: &Machine) -> Vec<String> {

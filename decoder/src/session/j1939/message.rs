@@ -15,6 +15,9 @@ use crate::session::{Bus, Observer};
 use crate::wire::NodeId;
 use crate::wire::j1939::{ALL, J1939Id, Pgn};
 
+/// Last group of data page 0; those of NMEA 2000 lie above.
+const LAST_OF_PAGE_0: u32 = 0xFFFF;
+
 /// A device that a message is from or for, and what its profile says of it.
 struct Concerned {
     node: NodeId,
@@ -53,6 +56,7 @@ impl Bus {
         let Some(entry) = self.routes.slot_mut(slot) else { return };
         let Some(event) = &mut entry.prepared else { return self.first_message(slot, id, frame, out) };
         let EventKind::J1939Message(message) = &mut event.kind else { return };
+        let continues = id.pgn.number() > LAST_OF_PAGE_0 && continues(message.payload(), frame.data());
         let change = difference(message, frame);
         if let (Some(change), Some(planned)) = (change, &entry.plan)
             && change & planned.plan.deciding != 0
@@ -82,6 +86,18 @@ impl Bus {
         }
         if matters {
             self.device_saw_message(slot, id, frame, out);
+        }
+        if continues {
+            self.say_fast_packets(frame, out);
+        }
+    }
+
+    /// NMEA 2000 sends longer messages in frames of its own making; which groups do is not told on the bus.
+    #[cold]
+    fn say_fast_packets(&mut self, frame: &Frame, out: &mut dyn Observer) {
+        if !std::mem::replace(&mut self.said.fast_packets, true) {
+            let text = "this looks like NMEA 2000: fast packets are not put together, their frames are shown as they are";
+            self.note(frame, text.into(), out);
         }
     }
 
@@ -230,6 +246,17 @@ fn message(id: J1939Id, frame: &Frame, group: Group) -> J1939Message {
     }
 }
 
+/// Whether a frame is the second of a fast packet that the one before began: the same sequence in the upper
+/// three bits of byte 0, the frame's number in the lower five; the first one tells the length in byte 1.
+#[inline]
+fn continues(before: &[u8], now: &[u8]) -> bool {
+    const LONGEST: u8 = 223;
+    match (before, now) {
+        ([first, 9..=LONGEST, ..], [second, ..]) => first & 0x1F == 0 && *second == *first | 1,
+        _ => false,
+    }
+}
+
 /// The bits in which a frame differs from the one before, all for another length; `None` if it repeats it.
 #[inline]
 fn difference(message: &J1939Message, frame: &Frame) -> Option<u64> {
@@ -244,5 +271,21 @@ fn difference(message: &J1939Message, frame: &Frame) -> Option<u64> {
             (difference != 0).then_some(difference)
         }
         _ => (message.payload() != frame.data()).then_some(u64::MAX),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_second_frame_of_a_fast_packet() {
+        // 26 bytes (1A) in frames 60, 61, 62, 63: sequence 3.
+        let first = [0x60, 0x1A, 0, 0xB7, 6, 0x67, 0x0D, 0x0B];
+        assert!(continues(&first, &[0x61, 1, 2, 3, 4, 5, 6, 7]));
+        assert!(!continues(&first, &[0x62, 1, 2, 3, 4, 5, 6, 7]), "one lost");
+        assert!(!continues(&first, &[0x81, 1, 2, 3, 4, 5, 6, 7]), "another sequence");
+        assert!(!continues(&[0x60, 8, 0, 0, 0, 0, 0, 0], &[0x61; 8]), "would fit one frame");
+        assert!(!continues(&[], &[]));
     }
 }

@@ -37,7 +37,9 @@ impl News {
             return true;
         }
         self.differs((bus, id), payload, |before| {
-            layout.fields.iter().any(|field| moved(field, field.meaning.as_deref().and_then(|meaning| meaning.role), before, payload))
+            layout.fields.iter().any(|field| {
+                moved(field, field.meaning.as_deref().and_then(|meaning| meaning.role), before, payload)
+            })
         })
     }
 
@@ -49,7 +51,8 @@ impl News {
             let fields = message.layout.iter().flat_map(|layout| &layout.fields);
             fields.into_iter().any(|field| {
                 let meaning = field.meaning.as_deref();
-                let is_measured = meaning.is_some_and(|meaning| meaning.values.is_none() && meaning.bits.is_none());
+                let is_measured =
+                    meaning.is_some_and(|meaning| meaning.values.is_none() && meaning.bits.is_none());
                 let role = meaning.and_then(|meaning| meaning.role).or(is_measured.then_some(Role::Actual));
                 moved(field, role, before, payload)
             })

@@ -1,6 +1,7 @@
 //! What a profile says, in words: for `explain`, `profiles show` and the reference.
 
 pub(super) mod behaviour;
+pub(super) mod j1939;
 pub(super) mod network;
 pub(super) mod object;
 

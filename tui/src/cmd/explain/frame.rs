@@ -8,14 +8,17 @@ use cobscope_decoder::capture::{Batch, BusNames, Item, ReadOptions, Reader};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::frame::{CanId, Frame};
+use cobscope_decoder::profile::device::Direction;
 use cobscope_decoder::profile::object::Numbers;
 use cobscope_decoder::profile::{self, Device, Owner};
 use cobscope_decoder::session::{AssignedBy, Assignment, Bus, ProtocolChoice, SessionOptions};
 use cobscope_decoder::sink::text::{PdoLines, Text, TextOptions};
+use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::wire::canopen::sdo::{self, Phase};
+use cobscope_decoder::wire::j1939::J1939Id;
 
 use super::asked::Asked;
-use super::{code, identifier};
+use super::{code, identifier, j1939};
 use crate::cmd::describe::{FIRM, object::equals};
 
 /// The frame's readings; `None` if it is none.
@@ -27,10 +30,10 @@ pub(super) fn frame(thing: &str, asked: &Asked) -> Option<String> {
     while reader.read(&mut batch).ok()? {
         for item in batch.items() {
             let Item::Frame(frame) = item else { continue };
-            let mut head = String::new();
-            if let CanId::Standard(id) = frame.id {
-                head = identifier::identifier(id);
-            }
+            let mut head = match frame.id {
+                CanId::Standard(id) => identifier::identifier(id),
+                CanId::Extended(id) => j1939::identifier(id).unwrap_or_default(),
+            };
             head.push_str(&command(frame));
             let mut codes = Vec::new();
             let options = options(frame.id, asked);
@@ -59,7 +62,7 @@ fn decoded(
     let mut text = Text::new(&mut lines, options);
     // Without `finish`: a single frame of a transfer is no unfinished transfer.
     decoder.push(frame, names, &mut |event: &Event, bus: &Bus| {
-        if verbose || matches!(event.kind, EventKind::Pdo(_)) {
+        if verbose || matches!(event.kind, EventKind::Pdo(_) | EventKind::J1939Message(_)) {
             text.write(event, bus);
         }
         see(event);
@@ -95,33 +98,47 @@ fn by_mode(frame: &Frame, names: &BusNames, asked: &Asked) -> Option<String> {
 /// The node of the frame is the device that was named.
 fn options(id: CanId, asked: &Asked) -> SessionOptions {
     let assign = |device: &Arc<Device>| {
-        let one = |node: u8| Assignment {
-            bus: None,
-            node: node.into(),
-            device: Arc::clone(device),
-            by: AssignedBy::Option,
-        };
+        let one =
+            |node: NodeId| Assignment { bus: None, node, device: Arc::clone(device), by: AssignedBy::Option };
         nodes(id, device).into_iter().map(one).collect()
     };
     SessionOptions {
-        protocol: ProtocolChoice::Canopen,
+        protocol: match id {
+            CanId::Standard(_) => ProtocolChoice::Canopen,
+            CanId::Extended(_) => ProtocolChoice::J1939,
+        },
         assignments: asked.device.as_ref().map(assign).unwrap_or_default(),
         ..SessionOptions::default()
     }
 }
 
 /// The node a frame belongs to; all where the device has identifiers of its own.
-fn nodes(id: CanId, device: &Device) -> Vec<u8> {
-    if device.pdos.iter().any(|pdo| pdo.cob_id.is_some()) {
-        return (1..=127).collect();
-    }
-    let CanId::Standard(id) = id else { return Vec::new() };
+fn nodes(id: CanId, device: &Device) -> Vec<NodeId> {
+    let id = match id {
+        CanId::Extended(id) => return addresses(id, device),
+        CanId::Standard(_) if device.pdos.iter().any(|pdo| pdo.cob_id.is_some()) => {
+            return (1..=127).map(NodeId::Canopen).collect();
+        }
+        CanId::Standard(id) => id,
+    };
     match profile::connection_set().owner(id) {
         Owner::Emcy(node) | Owner::Pdo(_, node) | Owner::Sdo(_, node) | Owner::ErrorControl(node) => {
-            vec![node]
+            vec![node.into()]
         }
         _ => Vec::new(),
     }
+}
+
+/// The sender of a J1939 message, and the address it is meant for.
+fn addresses(id: u32, device: &Device) -> Vec<NodeId> {
+    let Some(id) = J1939Id::of(id) else { return Vec::new() };
+    let [first, last] = device.j1939.addresses.unwrap_or([0, 253]);
+    let takes = |address: &u8| {
+        let mut messages = device.messages.iter();
+        messages.any(|it| it.direction == Direction::Receive && it.concerns(id.pgn, *address))
+    };
+    let taker = (first..=last).find(takes).filter(|_| !device.messages.is_empty());
+    taker.into_iter().chain([id.source]).map(NodeId::J1939).filter(|node| node.is_valid()).collect()
 }
 
 /// What the manuals say of the error in an event.
@@ -138,9 +155,7 @@ fn explained(event: &Event, asked: &Asked) -> Option<String> {
 
 /// An SDO frame's own message, which the decoder only tells of whole transfers.
 fn command(frame: &Frame) -> String {
-    let CanId::Standard(id) = frame.id else {
-        return "29-bit identifier: no default use in CANopen\n".into();
-    };
+    let CanId::Standard(id) = frame.id else { return String::new() };
     let Owner::Sdo(side, _) = profile::connection_set().owner(id) else { return String::new() };
     let parsed = sdo::parse(frame.data(), side, Phase::Commands);
     let mut text = match parsed {

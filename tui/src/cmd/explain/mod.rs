@@ -4,22 +4,27 @@ mod asked;
 mod code;
 mod frame;
 mod identifier;
+mod j1939;
 mod object;
 
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use cobscope_decoder::profile::{Device, ProfileError};
+use cobscope_decoder::profile::{self, Device, ProfileError};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::canopen::ObjectAddress;
 
 use crate::exit_code::Exit;
 use asked::Asked;
 
+/// Largest identifier of 29 bits.
+const LAST_IDENTIFIER: u32 = 0x1FFF_FFFF;
+
 /// The forms that are understood, for who gave another one.
 const FORMS: &str = "expected an SDO abort code (06020000), an EMCY code (8130), an object (1018:01, 1018sub1, \
-                     1018h:01h), a COB-ID (185) or a frame (701#05)";
+                     1018h:01h), a COB-ID (185), a 29-bit identifier (18FECA80), a group (pgn:65226), a J1939 fault \
+                     (298985/19: SPN/FMI) or a frame (701#05)";
 
 /// Runs the command: every reading that fits, the likeliest first.
 pub fn run(thing: &str, device: Option<&str>, profiles: &[PathBuf]) -> Exit {
@@ -62,12 +67,19 @@ fn code(thing: &str, asked: &Asked) -> Vec<String> {
     {
         return vec![object::entry(asked, address)];
     }
+    if let Some(reading) = j1939::fault(asked, thing).or_else(|| j1939::parameter_group(asked, thing)) {
+        return vec![reading];
+    }
     let digits = thing.strip_prefix("0x").or_else(|| thing.strip_prefix("0X")).unwrap_or(thing);
     let digits = digits.strip_suffix(['h', 'H']).unwrap_or(digits);
     let Ok(number) = u32::from_str_radix(digits, 16) else { return Vec::new() };
     match (u16::try_from(number), digits.len()) {
         (Ok(id), ..=3) if id <= 0x7FF => vec![identifier::identifier(id)],
         (Ok(number), 4) => four_digits(number, asked),
+        // A number that is no abort code of the standard is likelier a pasted identifier.
+        (_, 8) if profile::abort_codes().find(number).is_none() && number <= LAST_IDENTIFIER => {
+            j1939::identifier(number).into_iter().chain([code::abort(asked, number)]).collect()
+        }
         _ => vec![code::abort(asked, number)],
     }
 }

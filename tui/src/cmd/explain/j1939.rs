@@ -1,0 +1,106 @@
+//! What a J1939 identifier, a parameter group or a fault means.
+
+use cobscope_decoder::profile::device::TroubleCode;
+use cobscope_decoder::profile::{self, Device};
+use cobscope_decoder::wire::j1939::{ALL, J1939Id, Pgn};
+
+use super::asked::Asked;
+use super::code::section_of;
+use crate::cmd::describe::{Block, j1939, section};
+
+/// `65226 (FECA) DM1 active faults`.
+fn group(pgn: Pgn) -> String {
+    profile::pgn_name(pgn).map_or_else(|| pgn.to_string(), |name| format!("{pgn} {name}"))
+}
+
+/// A 29-bit identifier; `None` if its extended data page is set.
+pub(super) fn identifier(id: u32) -> Option<String> {
+    let parts = J1939Id::of(id)?;
+    let to = if parts.destination == ALL { "all".into() } else { format!("{:02X}", parts.destination) };
+    let what = format!(
+        "J1939: priority {}, PGN {}, from {:02X} to {to}",
+        parts.priority,
+        group(parts.pgn),
+        parts.source
+    );
+    Some(Block::new(&format!("{id:08X}"), &what).finish())
+}
+
+/// `pgn:65226`, `pgn:0xFECA`; `None` for another text, an empty reading for a number that is none.
+pub(super) fn parameter_group(asked: &Asked, text: &str) -> Option<String> {
+    let number = text.strip_prefix("pgn").or_else(|| text.strip_prefix("PGN"))?;
+    let number = number.trim_start_matches([':', ' ']);
+    let number = match number.strip_prefix("0x") {
+        Some(digits) => u32::from_str_radix(digits, 16).ok()?,
+        None => number.parse().ok()?,
+    };
+    let pgn = Pgn::new(number);
+    if pgn.number() != number {
+        return None;
+    }
+    let name = profile::pgn_name(pgn)
+        .unwrap_or_else(|| "no group of the protocol itself: --dbc names others".into());
+    let mut block = Block::new(&pgn.to_string(), &format!("parameter group: {name}"));
+    block.row("goes", if pgn.is_addressed() { "to one address, or to all (PDU1)" } else { "to all (PDU2)" });
+    let devices = asked.device.iter().cloned().chain([profile::isobus().clone()]);
+    for device in devices {
+        for message in device.messages.iter().filter(|message| message.number_of(pgn).is_some()) {
+            block.row(&device.title, &j1939::message_contents(&device, message));
+        }
+    }
+    Some(block.finish())
+}
+
+/// `298985/19`: SPN and FMI; `None` for another text.
+pub(super) fn fault(asked: &Asked, text: &str) -> Option<String> {
+    let (spn, fmi) = text.split_once('/')?;
+    let (spn, fmi): (u32, u8) = (spn.parse().ok()?, fmi.parse().ok()?);
+    if spn >= 1 << 19 || fmi >= 1 << 5 {
+        return None;
+    }
+    let mode = profile::failure_modes().find(u32::from(fmi)).map_or("reserved", |mode| &mode.text);
+    let title = format!("SPN {spn} FMI {fmi}");
+    let Some(device) = &asked.device else {
+        let mut block = Block::new(&title, &format!("J1939 fault: {mode}"));
+        let told = asked.every_device(|device| {
+            let own = device.dtc(spn, fmi)?;
+            Some(format!("{}  {}", j1939::dtc_text(own), section(&own.source)))
+        });
+        block.row("sent as", &sent_as(spn, fmi));
+        block.list(&told, "(--device NAME tells more)");
+        return Some(block.finish());
+    };
+    Some(match device.dtc(spn, fmi) {
+        Some(own) => of_device(device, own, mode),
+        None => {
+            let what = format!("J1939 fault: not in the manual of {}", device.title);
+            let mut block = Block::new(&title, &what);
+            block.row("FMI", mode);
+            block.row("sent as", &sent_as(spn, fmi));
+            block.finish()
+        }
+    })
+}
+
+fn of_device(device: &Device, own: &TroubleCode, mode: &str) -> String {
+    let title = format!("SPN {} FMI {}", own.spn, own.fmi);
+    let mut block = Block::new(&title, &format!("J1939 fault of {}: {}", device.title, own.text));
+    block.row("severity", &own.severity);
+    block.row("source", &own.origin);
+    block.row("reaction", &own.reaction);
+    block.row("recovery", &own.recovery);
+    let priority = own.priority.map_or(String::new(), |priority| format!("{priority}, 1 is shown first"));
+    block.row("priority", &priority);
+    block.rows("check", &own.causes);
+    block.row("sent as", &sent_as(own.spn, own.fmi));
+    block.row("note", &own.note);
+    block.row("FMI", mode);
+    block.row("section", &section_of(device, &own.source));
+    block.finish()
+}
+
+/// The first three bytes of the fault in DM1 (J1939-73 §5.7.1.6).
+fn sent_as(spn: u32, fmi: u8) -> String {
+    let [low, middle, high, _] = spn.to_le_bytes();
+    format!("{low:02X} {middle:02X} {:02X}", high << 5 | fmi)
+}
