@@ -169,7 +169,7 @@ impl DataType {
     }
 
     /// The signed type of a width.
-    const fn signed(bits: u16) -> Self {
+    pub const fn signed(bits: u16) -> Self {
         match bits {
             0..=8 => Self::Integer8,
             9..=16 => Self::Integer16,

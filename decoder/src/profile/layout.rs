@@ -202,7 +202,7 @@ pub struct Signal<'a> {
 }
 
 /// Fields that select one another in a row. Vector's tools have no limit; nobody nests more than three.
-const DEEPEST_SELECTION: usize = 8;
+pub(super) const DEEPEST_SELECTION: usize = 8;
 
 impl Layout {
     /// Values of all fields the payload has: it is long enough for them, and a multiplexed one is selected.

@@ -125,10 +125,11 @@ impl Meaning {
 
     /// Name of a value: of an enumeration, or a special one.
     pub fn label(&self, value: &Value) -> Option<&str> {
-        let number = integer(value)?;
-        let special = self.special.as_deref().and_then(|names| names.get(number));
-        let named = special.or_else(|| self.values.as_deref().and_then(|names| names.get(number)));
-        named.or_else(|| self.indicated(value))
+        let name = |number| {
+            let special = self.special.as_deref().and_then(|names| names.get(number));
+            special.or_else(|| self.values.as_deref().and_then(|names| names.get(number)))
+        };
+        integer(value).and_then(name).or_else(|| self.indicated(value))
     }
 
     /// What a code beyond the values says.

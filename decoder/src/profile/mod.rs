@@ -8,6 +8,7 @@ mod catalogue;
 mod check;
 mod connection_set;
 mod data_type;
+pub mod dbc;
 pub mod device;
 pub mod device_file;
 mod dictionary;

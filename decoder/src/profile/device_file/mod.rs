@@ -29,6 +29,7 @@ use crate::wire::canopen::ObjectAddress;
 
 pub use code::Access;
 pub use problem::Problem;
+pub(super) use text::decode;
 pub use value::Given;
 
 /// Entries that are read of one file. The largest of real devices has some 1,200; `CompactSubObj=254`
@@ -133,7 +134,7 @@ pub enum DeviceFileError {
 /// # Errors
 /// If there is nothing of a device description in it.
 pub fn parse(bytes: &[u8]) -> Result<DeviceFile, DeviceFileError> {
-    let text = text::decode(bytes);
+    let text = decode(bytes);
     match text.trim_start().chars().next() {
         None => Err(DeviceFileError::Empty),
         Some('<') => xdd::parse(&text),

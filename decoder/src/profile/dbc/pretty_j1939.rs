@@ -1,0 +1,239 @@
+//! The JSON form of pretty_j1939: parameter groups and suspect parameters as a user made it of his own copy of
+//! the digital annex.
+//!
+//! ```text
+//! {"J1939PGNdb": {"61444": {"Label": "EEC1", "Name": "…", "PGNLength": "64", "SPNs": [190], "SPNStartBits": [24]}},
+//!  "J1939SPNdb": {"190": {"Name": "…", "Offset": 0, "Resolution": 0.125, "SPNLength": 16, "Units": "rpm",
+//!                         "OperationalLow": 0, "OperationalHigh": 8031.875}},
+//!  "J1939BitDecodings": {"899": {"0": "…"}}}
+//! ```
+//!
+//! Start bits count from the least significant bit of the first byte. One may be a list, the places of the
+//! parts of a parameter: the second is where a byte begins as long as the parts touch. -1 is no place. Lengths
+//! are in bits, also that of the group. Files before 2021 have `StartBit` in the parameter.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::problem::{Problem, Problems, quote};
+use super::signal::Signal;
+use super::{
+    DatabaseFile, DatabaseMessage, Known, LONGEST_MESSAGE, MOST_MESSAGES, MOST_SIGNALS, Parameter, spn,
+};
+use crate::profile::layout::{BitOrder, Field, Layout};
+use crate::profile::object::Names;
+
+/// Where a layout comes from.
+const ORIGIN: &str = "json";
+
+#[derive(Debug, Deserialize)]
+struct File {
+    #[serde(rename = "J1939PGNdb")]
+    groups: BTreeMap<String, Group>,
+    #[serde(rename = "J1939SPNdb", default)]
+    parameters: BTreeMap<String, Suspect>,
+    #[serde(rename = "J1939BitDecodings", default)]
+    decodings: BTreeMap<String, BTreeMap<String, String>>,
+}
+
+#[derive(Debug, Deserialize)]
+struct Group {
+    #[serde(rename = "Label", default)]
+    label: String,
+    #[serde(rename = "Name", default)]
+    name: String,
+    /// Bits as text, or `Variable`.
+    #[serde(rename = "PGNLength", default)]
+    length: Value,
+    #[serde(rename = "SPNs", default)]
+    spns: Vec<u64>,
+    /// A place, or a list of places, for each.
+    #[serde(rename = "SPNStartBits", default)]
+    starts: Vec<Value>,
+}
+
+#[derive(Debug, Deserialize)]
+struct Suspect {
+    #[serde(rename = "Name", default)]
+    name: String,
+    #[serde(rename = "Offset", default)]
+    offset: Value,
+    #[serde(rename = "Resolution", default)]
+    resolution: Value,
+    /// Bits, or `Variable`.
+    #[serde(rename = "SPNLength", default)]
+    length: Value,
+    #[serde(rename = "Units", default)]
+    unit: String,
+    #[serde(rename = "OperationalLow", default)]
+    low: Value,
+    #[serde(rename = "OperationalHigh", default)]
+    high: Value,
+    #[serde(rename = "StartBit", default)]
+    start: Value,
+}
+
+/// Reads the JSON form.
+pub(super) fn parse(text: &str) -> Result<DatabaseFile, Problem> {
+    let file: File = serde_json::from_str(text).map_err(|error| {
+        // serde_json writes the place behind its words.
+        let words = error.to_string();
+        let words = words.rsplit_once(" at line ").map_or(words.as_str(), |(words, _)| words);
+        Problem::new(error.line(), error.column(), &format!("no JSON of pretty_j1939: {words}"))
+    })?;
+    let mut problems = Problems::of("");
+    let mut database = file.database(&mut problems);
+    database.problems = problems.finish();
+    Ok(database)
+}
+
+impl File {
+    fn database(&self, problems: &mut Problems<'_>) -> DatabaseFile {
+        let mut file = DatabaseFile::default();
+        let mut known = BTreeSet::new();
+        for (number, suspect) in &self.parameters {
+            match number.parse().ok().and_then(spn) {
+                Some(spn) => {
+                    known.insert(number.as_str());
+                    file.parameters.push((spn, suspect.parameter()));
+                }
+                None => problems.add_of_file(&format!("parameter left out: {} is no SPN", quote(number))),
+            }
+        }
+        for (number, group) in &self.groups {
+            // Extended data page, data page, PF and PS (SAE J1939-21 §5.2): 18 bits.
+            let Some(pgn) = number.parse().ok().filter(|pgn| *pgn < 1_u32 << 18) else {
+                problems.add_of_file(&format!("group left out: {} is no PGN", quote(number)));
+                continue;
+            };
+            if file.messages.len() >= MOST_MESSAGES {
+                problems.add_of_file(&format!("not read from PGN {pgn} on: more than {MOST_MESSAGES}"));
+                break;
+            }
+            let message = Arc::new(self.message(pgn, group, problems));
+            file.messages.push(Known { id: None, pgn: Some(pgn), message });
+        }
+        file
+    }
+
+    fn message(&self, pgn: u32, group: &Group, problems: &mut Problems<'_>) -> DatabaseMessage {
+        let length = number(&group.length).and_then(|bits| whole(bits / 8.0)).filter(|it| *it <= LONGEST_MESSAGE);
+        let mut fields = Vec::new();
+        for (place, number) in group.spns.iter().enumerate() {
+            if place >= MOST_SIGNALS {
+                problems.add_of_file(&format!("PGN {pgn}: parameters left out: more than {MOST_SIGNALS}"));
+                break;
+            }
+            let start = group.starts.get(place).unwrap_or(&Value::Null);
+            match self.field(*number, start, length) {
+                Ok(field) => fields.push(field),
+                Err(reason) => problems.add_of_file(&format!("PGN {pgn}: SPN {number} left out: {reason}")),
+            }
+        }
+        fields.sort_by_key(|field| field.bit);
+        let bits = fields.iter().filter_map(Field::end).max().unwrap_or(0);
+        let name = if group.label.is_empty() { &group.name } else { &group.label };
+        let layout = Layout { fields, bits, origin: ORIGIN, ..Layout::default() };
+        DatabaseMessage { name: name.clone(), length, layout: Arc::new(layout) }
+    }
+
+    fn field(&self, number: u64, start: &Value, length: Option<u16>) -> Result<Field, String> {
+        let key = number.to_string();
+        let (Some(spn), Some(suspect)) = (spn(number), self.parameters.get(&key)) else {
+            return Err("nothing is told of it".to_owned());
+        };
+        let signal = suspect.signal(spn, start, self.names(&key))?;
+        let field = signal.field();
+        let most = length.map_or(u32::from(u16::MAX), |length| u32::from(length) * 8);
+        match field.end() {
+            Some(end) if u32::from(end) <= most => Ok(field),
+            _ => Err("it does not fit into its group".to_owned()),
+        }
+    }
+
+    fn names(&self, spn: &str) -> Option<Arc<Names>> {
+        let decodings = self.decodings.get(spn)?;
+        let names = decodings.iter().filter_map(|(code, text)| Some((code.parse().ok()?, text.clone())));
+        Some(Arc::new(Names(names.collect())))
+    }
+}
+
+impl Suspect {
+    fn parameter(&self) -> Parameter {
+        Parameter { name: self.name.clone(), unit: self.unit().to_owned() }
+    }
+
+    /// The unit; for `bit` and `binary` there is none: they say how to read the number.
+    fn unit(&self) -> &str {
+        if matches!(self.unit.as_str(), "bit" | "binary") { "" } else { &self.unit }
+    }
+
+    fn signal(&self, spn: u32, start: &Value, values: Option<Arc<Names>>) -> Result<Signal, String> {
+        let bits = match number(&self.length).and_then(whole) {
+            Some(bits @ 1..=64) if self.unit != "ASCII" => bits,
+            Some(_) if self.unit == "ASCII" => return Err("it is text".to_owned()),
+            Some(bits) => return Err(format!("{bits} bits, of which 1 to 64 are read")),
+            None => return Err("its length varies".to_owned()),
+        };
+        let bit = self.place(start, bits)?;
+        // A resolution of 0 is one that is not given.
+        let factor = number(&self.resolution).filter(|factor| *factor > 0.0).unwrap_or(1.0);
+        let offset = number(&self.offset).unwrap_or(0.0);
+        #[expect(clippy::cast_precision_loss, reason = "compared with limits of few digits")]
+        let holds = (u64::MAX >> (64 - bits)) as f64 * factor + offset;
+        let limits = match (number(&self.low), number(&self.high)) {
+            // Limits no code reaches, like -1e12 and 1e12, are none.
+            (Some(low), Some(high)) if low < high && high <= holds + factor / 2.0 => Some([low, high]),
+            _ => None,
+        };
+        Ok(Signal {
+            name: self.name.clone(),
+            spn: Some(spn),
+            bit,
+            bits,
+            order: BitOrder::LittleEndian,
+            is_signed: false,
+            is_float: false,
+            factor,
+            offset,
+            limits,
+            unit: self.unit().to_owned(),
+            values,
+        })
+    }
+
+    /// Where it begins. Parts touch as long as each of them begins with a byte.
+    fn place(&self, start: &Value, bits: u16) -> Result<u16, String> {
+        let start = if start.is_null() { &self.start } else { start };
+        let parts: Vec<_> = match start {
+            Value::Array(parts) => parts.iter().map(|part| number(part).and_then(whole)).collect(),
+            one => vec![number(one).and_then(whole)],
+        };
+        let [Some(first), others @ ..] = parts.as_slice() else {
+            return Err("its place is not told".to_owned());
+        };
+        let touches = |part: &Option<u16>| {
+            part.is_some_and(|part| part % 8 == 0 && part > *first && part - *first < bits)
+        };
+        if others.iter().all(touches) { Ok(*first) } else { Err("its parts do not touch".to_owned()) }
+    }
+}
+
+/// A number, or text that is one.
+fn number(value: &Value) -> Option<f64> {
+    match value {
+        Value::Number(number) => number.as_f64(),
+        Value::String(text) => text.trim().parse().ok().filter(|number: &f64| number.is_finite()),
+        _ => None,
+    }
+}
+
+/// A whole number of bits or bytes.
+fn whole(number: f64) -> Option<u16> {
+    let is_whole = (0.0..=f64::from(u16::MAX)).contains(&number) && number.fract() == 0.0;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked")]
+    is_whole.then_some(number as u16)
+}

@@ -1,0 +1,305 @@
+//! A DBC as statements, so that a broken one costs no other.
+//!
+//! ```text
+//! BO_ 100 Name: 8 Node          a message: its line and the SG_ lines below it
+//!  SG_ Signal : 0|8@1+ …
+//! VAL_ 100 Signal 0 "off" ;     everything else that is read: up to the semicolon outside of a string
+//! ```
+//!
+//! A statement begins at the beginning of a line. After a broken one reading goes on at the next line that
+//! begins one; a string that is not closed ends before the next message.
+
+use std::ops::Range;
+
+use super::{LONGEST_STRING, MOST_PROBLEMS};
+
+/// What a statement that is read says; all others are passed over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// `BO_` with its `SG_`.
+    Message,
+    /// `VAL_TABLE_`.
+    ValueTable,
+    /// `VAL_`.
+    Values,
+    /// `SIG_VALTYPE_`.
+    FloatType,
+    /// `SG_MUL_VAL_`.
+    Multiplexed,
+    /// `BA_`.
+    Attribute,
+    /// Comments, definitions of attributes, groups, environment variables.
+    Other,
+    /// `VERSION`, `BS_`, `BU_`: without semicolon.
+    Line,
+    /// `NS_`: what may follow, one keyword a line.
+    Symbols,
+}
+
+/// Words a line can begin with.
+const KEYWORDS: &[(&str, Kind)] = &[
+    ("BO_", Kind::Message),
+    ("VAL_TABLE_", Kind::ValueTable),
+    ("VAL_", Kind::Values),
+    ("SIG_VALTYPE_", Kind::FloatType),
+    ("SG_MUL_VAL_", Kind::Multiplexed),
+    ("BA_", Kind::Attribute),
+    ("VERSION", Kind::Line),
+    ("BS_", Kind::Line),
+    ("BU_", Kind::Line),
+    ("NS_", Kind::Symbols),
+    ("CM_", Kind::Other),
+    ("BA_DEF_", Kind::Other),
+    ("BA_DEF_DEF_", Kind::Other),
+    ("BA_DEF_REL_", Kind::Other),
+    ("BA_REL_", Kind::Other),
+    ("BA_DEF_DEF_REL_", Kind::Other),
+    ("BA_DEF_SGTYPE_", Kind::Other),
+    ("BA_SGTYPE_", Kind::Other),
+    ("BO_TX_BU_", Kind::Other),
+    ("SIG_GROUP_", Kind::Other),
+    ("SIG_TYPE_REF_", Kind::Other),
+    ("SIGTYPE_VALTYPE_", Kind::Other),
+    ("SGTYPE_", Kind::Other),
+    ("SGTYPE_VAL_", Kind::Other),
+    ("EV_", Kind::Other),
+    ("EV_DATA_", Kind::Other),
+    ("ENVVAR_DATA_", Kind::Other),
+    ("CAT_DEF_", Kind::Other),
+    ("CAT_", Kind::Other),
+    ("FILTER", Kind::Other),
+];
+
+/// One statement.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Statement {
+    pub(super) kind: Kind,
+    /// From its first word to its end.
+    pub(super) at: Range<usize>,
+}
+
+/// Where something is no statement, and why.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Broken {
+    pub(super) at: usize,
+    pub(super) reason: &'static str,
+}
+
+/// The statements of a text, in their order.
+pub(super) struct Statements<'a> {
+    text: &'a str,
+    at: usize,
+    /// Up to the next keyword everything is the rest of what was before: of a broken statement, or `BU_`.
+    recovering: bool,
+    /// Strings that were not closed: each costs a look at what may have been its end.
+    open_strings: usize,
+}
+
+impl<'a> Statements<'a> {
+    pub(super) const fn of(text: &'a str) -> Self {
+        Self { text, at: 0, recovering: false, open_strings: 0 }
+    }
+
+    /// The line at `at`, and where the next one begins.
+    fn line(&self, at: usize) -> (&'a str, usize) {
+        let rest = self.text.get(at..).unwrap_or_default();
+        let end = memchr::memchr(b'\n', rest.as_bytes()).unwrap_or(rest.len());
+        (rest.get(..end).unwrap_or_default(), at + end + 1)
+    }
+
+    /// Where the statement that begins at `start` ends: behind its semicolon, or before a line that begins
+    /// the next one. Otherwise the place of the string that is not closed.
+    fn end(&self, start: usize) -> Result<usize, usize> {
+        let bytes = self.text.as_bytes();
+        let mut string = None;
+        let mut at = start;
+        while let Some(byte) = bytes.get(at) {
+            let next = bytes.get(at + 1);
+            match (string, byte) {
+                (Some(_), b'\\') if next == Some(&b'"') => at += 1,
+                (Some(_), b'"') => string = None,
+                (Some(begin), b'\n') if at - begin > LONGEST_STRING || self.is_message(at + 1) => {
+                    return Err(begin);
+                }
+                (None, b'"') => string = Some(at),
+                (None, b';') => return Ok(at + 1),
+                (None, b'\n') if keyword(self.line(at + 1).0).is_some() => return Ok(at),
+                (None, b'/') if next == Some(&b'/') => at = self.line(at).1 - 2,
+                _ => {}
+            }
+            at += 1;
+        }
+        string.map_or(Ok(bytes.len()), Err)
+    }
+
+    /// Whether the line at `at` is the first one of a message, whatever is around it.
+    fn is_message(&self, at: usize) -> bool {
+        let Some(rest) = self.line(at).0.trim_start().strip_prefix("BO_ ") else { return false };
+        let Some((head, size)) = rest.split_once(':') else { return false };
+        let mut words = head.split_whitespace();
+        let id = words.next().is_some_and(|id| id.bytes().all(|byte| byte.is_ascii_digit()));
+        let name = words.next().is_some_and(is_word);
+        id && name && words.next().is_none() && size.trim_start().starts_with(|first: char| first.is_ascii_digit())
+    }
+
+    /// Where a message that begins at `start` ends: behind the last of its signals.
+    fn end_of_message(&self, start: usize) -> usize {
+        let (line, mut at) = self.line(start);
+        let mut end = start + line.len();
+        while at < self.text.len() {
+            let (line, next) = self.line(at);
+            if is_signal(line) {
+                end = at + line.len();
+            } else if !is_empty(line) {
+                break;
+            }
+            at = next;
+        }
+        end
+    }
+
+    /// Where the list of keywords that begins at `start` ends: they are indented, or alone on their line.
+    fn end_of_symbols(&self, start: usize) -> usize {
+        let mut at = self.line(start).1;
+        while at < self.text.len() {
+            let (line, next) = self.line(at);
+            let is_symbol = line.starts_with([' ', '\t']) || is_word(line.trim());
+            if !is_symbol && !line.trim().is_empty() {
+                break;
+            }
+            at = next;
+        }
+        at.min(self.text.len())
+    }
+
+    /// What begins at `start`, a line of its own; reading goes on behind it.
+    fn statement(&mut self, line: &str, start: usize) -> Option<Result<Statement, Broken>> {
+        let Some(kind) = keyword(line) else {
+            let reason = if is_signal(line) { "a signal outside of a message" } else { "this begins no statement of a DBC" };
+            let told = self.recovering || is_word(line.trim());
+            self.recovering = true;
+            return (!told).then_some(Err(Broken { at: start, reason }));
+        };
+        self.recovering = false;
+        let end = match kind {
+            Kind::Message => self.end_of_message(start),
+            Kind::Symbols => self.end_of_symbols(start),
+            Kind::Line => {
+                // Names of nodes may go on in lines that are indented.
+                self.recovering = true;
+                start + line.len()
+            }
+            _ => match self.end(start) {
+                Ok(end) => end,
+                Err(at) => return Some(Err(self.open_string(at))),
+            },
+        };
+        self.at = end;
+        Some(Ok(Statement { kind, at: start..end }))
+    }
+
+    /// A string is not closed: what follows the line of its statement is read as if it were not there.
+    fn open_string(&mut self, at: usize) -> Broken {
+        self.recovering = true;
+        self.open_strings += 1;
+        if self.open_strings < MOST_PROBLEMS {
+            return Broken { at, reason: "the string that begins here is not closed" };
+        }
+        self.at = self.text.len();
+        Broken { at, reason: "one more string is not closed: the rest of the file is not read" }
+    }
+}
+
+impl Iterator for Statements<'_> {
+    type Item = Result<Statement, Broken>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        while self.at < self.text.len() {
+            let (line, next) = self.line(self.at);
+            let start = self.at + (line.len() - line.trim_start().len());
+            self.at = next;
+            // What stands behind a semicolon belongs to the statement before it.
+            if is_empty(line) || line.trim() == ";" {
+                continue;
+            }
+            if let Some(found) = self.statement(line.trim_start(), start) {
+                return Some(found);
+            }
+        }
+        None
+    }
+}
+
+/// The keyword a line begins with and more behind it; one alone is an entry of `NS_`.
+fn keyword(line: &str) -> Option<Kind> {
+    let line = line.trim_start();
+    let end = line.find(|c: char| !(c.is_ascii_alphanumeric() || c == '_')).unwrap_or(line.len());
+    let (word, rest) = line.split_at_checked(end)?;
+    let kind = KEYWORDS.iter().find(|(name, _)| *name == word).map(|(_, kind)| *kind)?;
+    (!rest.trim().is_empty()).then_some(kind)
+}
+
+fn is_signal(line: &str) -> bool {
+    line.trim_start().strip_prefix("SG_").is_some_and(|rest| rest.starts_with([' ', '\t']))
+}
+
+fn is_empty(line: &str) -> bool {
+    let line = line.trim_start();
+    line.is_empty() || line.starts_with("//")
+}
+
+fn is_word(text: &str) -> bool {
+    !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Vec<Result<(Kind, &str), (usize, &'static str)>> {
+        let show = |it: Result<Statement, Broken>| match it {
+            Ok(statement) => Ok((statement.kind, &text[statement.at])),
+            Err(broken) => Err((broken.at, broken.reason)),
+        };
+        Statements::of(text).map(show).collect()
+    }
+
+    #[test]
+    fn messages_with_their_signals_and_strings_over_lines() {
+        let text = "VERSION \"\"\nNS_ :\n\tCM_\n\tBA_\nBS_:\nBU_: A\n B\n\nBO_ 1 M: 8 A\n\n SG_ a\n// SG_ x\n\tSG_ b\n\n\
+                    CM_ \"BO_ \\\" ;\nVAL_ \";\nVAL_ 1 a 0 \"x;\"\n 1 \"y\" ;\nBA_ \"n\" 1\nBO_ 2 N: 8 A";
+        let expected = [
+            (Kind::Line, "VERSION \"\""),
+            (Kind::Symbols, "NS_ :\n\tCM_\n\tBA_\n"),
+            (Kind::Line, "BS_:"),
+            (Kind::Line, "BU_: A"),
+            (Kind::Message, "BO_ 1 M: 8 A\n\n SG_ a\n// SG_ x\n\tSG_ b"),
+            (Kind::Other, "CM_ \"BO_ \\\" ;\nVAL_ \";"),
+            (Kind::Values, "VAL_ 1 a 0 \"x;\"\n 1 \"y\" ;"),
+            (Kind::Attribute, "BA_ \"n\" 1"),
+            (Kind::Message, "BO_ 2 N: 8 A"),
+        ];
+        assert_eq!(read(text), expected.map(Ok));
+    }
+
+    #[test]
+    fn what_is_broken_costs_no_other_statement() {
+        let text = "hello\nworld\nBO_ 1 M: 8 A\nCM_ \"open\nBO_ 2 N: 8 A\n SG_ a \"unit\" X\n\n; \nVAL_ 1 a 1 \"x\n";
+        let expected = [
+            Err((0, "this begins no statement of a DBC")),
+            Ok((Kind::Message, "BO_ 1 M: 8 A")),
+            Err((text.find("\"open").unwrap(), "the string that begins here is not closed")),
+            Ok((Kind::Message, "BO_ 2 N: 8 A\n SG_ a \"unit\" X")),
+            Err((text.find("\"x").unwrap(), "the string that begins here is not closed")),
+        ];
+        assert_eq!(read(text), expected);
+        assert_eq!(read(" SG_ a : 0|1"), [Err((1, "a signal outside of a message"))]);
+    }
+
+    #[test]
+    fn after_a_hundred_open_strings_reading_ends() {
+        let found = read(&"VAL_ \\\"\n".repeat(20_000));
+        assert_eq!(found.len(), MOST_PROBLEMS);
+        assert!(found[MOST_PROBLEMS - 1].unwrap_err().1.ends_with("the rest of the file is not read"));
+    }
+}
