@@ -4,6 +4,7 @@
 #![expect(clippy::disallowed_methods, reason = "tests open files")]
 
 mod corpus;
+mod dbc;
 mod device_files;
 mod devices;
 mod dialects;

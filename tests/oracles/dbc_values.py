@@ -5,8 +5,8 @@
 
 {"file": NAME, "repairs": [TEXT…], "messages": […]}, a message with id (bit 31
 for 29 bits), name, length, signals and payloads. A signal has name, start,
-length, unit, spn, limits, choices and mux (name of the multiplexor, its
-values). A payload has its bytes in hex, the values of all signals in their
+length, unit, spn, limits, choices, selects (it is marked as multiplexor) and
+mux (name of its multiplexor, the values). A payload has its bytes in hex, the values of all signals in their
 order as [raw, scaled, label], wherever they are selected, and the names of
 those that are (null where cantools refuses the payload). Numbers are text
 with their kind before it: i:-3, r:5.2.
@@ -50,12 +50,8 @@ def mend(text, error):
         line = int(found[1]) - 1
         lines[line] = lines[line].replace(found[2], "_" + found[2])
         return "\n".join(lines), f"_ before {found[2]}"
-    found = re.search(r"Invalid syntax at line (\d+), column 1: \">>!<<VAL_ ", error)
-    if found:
-        lines = text.split("\n")
-        line = int(found[1]) - 2
-        lines[line] = lines[line].rstrip() + " ;"
-        return "\n".join(lines), f"; behind line {line + 1}"
+    if re.search(r"Invalid syntax at line \d+, column 1: \">>!<<VAL_ ", error):
+        return re.sub(r'(?m)^(VAL_ .*")\s*$', r"\1 ;", text), "; behind VAL_"
     found = re.search(r"unused VAL_ entries in DBC:\s+VAL_ (\d+) (\w+)", error)
     if found:
         return re.sub(rf"(?m)^VAL_ {found[1]} {found[2]} .*$", "", text), f"no VAL_ of {found[2]}"
@@ -149,8 +145,9 @@ def describe(signal):
         "length": signal.length,
         "unit": signal.unit or "",
         "spn": signal.spn or None,
-        "limits": None if signal.minimum is None else [float(signal.minimum), float(signal.maximum)],
+        "limits": None if signal.minimum is None else [show(float(signal.minimum)), show(float(signal.maximum))],
         "choices": {str(key): str(text) for key, text in choices.items()},
+        "selects": signal.is_multiplexer,
         "mux": [signal.multiplexer_signal, sorted(signal.multiplexer_ids)] if signal.multiplexer_ids else None,
     }
 

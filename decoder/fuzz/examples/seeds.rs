@@ -37,6 +37,10 @@ fn main() -> Result<(), Box<dyn Error>> {
             put(&corpus, "device_file", name, &bytes)?;
             continue;
         }
+        if let Some(name) = name.strip_prefix("dbc/") {
+            put(&corpus, "dbc", name, &bytes)?;
+            continue;
+        }
         let name = name.replace('/', "_");
         put(&corpus, "any", &name, &bytes)?;
         let Ok(mut reader) = Reader::open(&bytes[..], &ReadOptions::default()) else { continue };

@@ -12,6 +12,7 @@
 )]
 #![allow(dead_code, reason = "fuzzer, seed writer and replay use a part each")]
 
+pub mod dbc;
 pub mod device_file;
 pub mod observe;
 pub mod pipeline;
@@ -20,6 +21,7 @@ pub mod reader;
 pub mod session;
 pub mod wire;
 
+pub use dbc::dbc;
 pub use device_file::device_file;
 pub use pipeline::any;
 pub use profile::profile;
@@ -48,6 +50,7 @@ pub const TARGETS: &[Target] = &[
     ("session", session),
     ("devices", devices),
     ("device_file", device_file),
+    ("dbc", dbc),
     ("profile", profile),
 ];
 

@@ -10,8 +10,8 @@ use super::problem::{Problems, quote};
 use super::read::{About, Raw, RawMessage};
 use super::signal::Signal;
 use super::{
-    DatabaseFile, DatabaseMessage, Known, LONGEST_MESSAGE, MOST_MESSAGES, MOST_RANGES, MOST_SIGNALS, Parameter,
-    pgn,
+    DatabaseFile, DatabaseMessage, Known, LONGEST_MESSAGE, MOST_MESSAGES, MOST_RANGES, MOST_SIGNALS,
+    Parameter, pgn,
 };
 use crate::frame::CanId;
 use crate::profile::layout::{BitOrder, DEEPEST_SELECTION, Field, Layout, Selector, SignalId};
@@ -37,7 +37,8 @@ pub(super) fn file(mut raw: Raw, problems: &mut Problems<'_>) -> DatabaseFile {
     let mut parameters = BTreeSet::new();
     for message in std::mem::take(&mut raw.messages) {
         if let Some(other) = ids.get(&message.id) {
-            let reason = format!("message {} left out: its identifier is that of {other}", quote(&message.name));
+            let reason =
+                format!("message {} left out: its identifier is that of {other}", quote(&message.name));
             problems.add(message.at, &reason);
             continue;
         }
@@ -60,7 +61,8 @@ pub(super) fn file(mut raw: Raw, problems: &mut Problems<'_>) -> DatabaseFile {
     groups.tell(problems);
     let unknown = raw.about.values().flat_map(BTreeMap::iter);
     for (name, about) in unknown.filter(|_| !ids.is_empty()) {
-        problems.add(about.at, &format!("left out: it is about signal {} of an unknown message", quote(name)));
+        problems
+            .add(about.at, &format!("left out: it is about signal {} of an unknown message", quote(name)));
     }
     file
 }
@@ -114,16 +116,21 @@ fn parameter(field: &Field, known: &mut BTreeSet<u32>, file: &mut DatabaseFile) 
 
 fn layout(
     raw: RawMessage,
-    mut about: BTreeMap<String, About>,
+    about: BTreeMap<String, About>,
     long_name: Option<String>,
     problems: &mut Problems<'_>,
 ) -> Option<DatabaseMessage> {
     let Some(length) = u16::try_from(raw.length).ok().filter(|length| *length <= LONGEST_MESSAGE) else {
-        let reason = format!("message left out: {} bytes are more than {LONGEST_MESSAGE}", raw.length);
+        let reason = format!(
+            "message {} left out: {} bytes are more than {LONGEST_MESSAGE}",
+            quote(&raw.name),
+            raw.length
+        );
         problems.add(raw.at, &reason);
         return None;
     };
     let root = root(&raw);
+    let mut names = BTreeSet::new();
     let mut placed = Vec::new();
     for (at, signal) in raw.signals {
         if placed.len() >= MOST_SIGNALS {
@@ -131,18 +138,22 @@ fn layout(
             break;
         }
         let key = signal.name.clone();
-        let mut about = about.remove(&key).unwrap_or_default();
+        if !names.insert(key.clone()) {
+            let reason = format!("a second signal {}: what is told of one counts for both", quote(&key));
+            problems.add(at, &reason);
+        }
+        let mut about = about.get(&key).cloned().unwrap_or_default();
         let selected = selected(&signal, about.selected.take(), root.as_deref());
         match field(signal, about, length) {
             Ok(field) => placed.push(Placed { key, at, field, selected }),
             Err(reason) => problems.add(at, &format!("signal {} left out: {reason}", quote(&key))),
         }
     }
-    for (name, about) in about {
+    for (name, about) in about.into_iter().filter(|(name, _)| !names.contains(name)) {
         problems.add(about.at, &format!("left out: its message has no signal {}", quote(&name)));
     }
     placed.sort_by_key(|it| start(&it.field));
-    let fields = select(placed, problems);
+    let fields = select(&placed, problems);
     let bits = fields.iter().filter_map(Field::end).max().unwrap_or(0);
     let layout = Layout { fields, bits, origin: ORIGIN, ..Layout::default() };
     let name = long_name.unwrap_or(raw.name);
@@ -171,13 +182,15 @@ fn selected(
     extended: Option<(String, Vec<RangeInclusive<u64>>)>,
     root: Option<&str>,
 ) -> Option<(String, Vec<RangeInclusive<u64>>)> {
-    let (MultiplexIndicator::MultiplexedSignal(value) | MultiplexIndicator::MultiplexorAndMultiplexedSignal(value)) =
-        signal.multiplexer_indicator
-    else {
-        return None;
+    let plain = |value| (root.unwrap_or_default().to_owned(), vec![value..=value]);
+    let (name, ranges) = match signal.multiplexer_indicator {
+        MultiplexIndicator::Plain => return None,
+        MultiplexIndicator::Multiplexor => extended?,
+        MultiplexIndicator::MultiplexedSignal(value)
+        | MultiplexIndicator::MultiplexorAndMultiplexedSignal(value) => {
+            extended.unwrap_or_else(|| plain(value))
+        }
     };
-    let plain = || (root.unwrap_or_default().to_owned(), vec![value..=value]);
-    let (name, ranges) = extended.unwrap_or_else(plain);
     Some((name, joined(ranges)))
 }
 
@@ -199,9 +212,8 @@ fn joined(mut ranges: Vec<RangeInclusive<u64>>) -> Vec<RangeInclusive<u64>> {
 
 /// A signal where its place is within the message; otherwise the reason.
 fn field(signal: can_dbc::Signal, about: About, length: u16) -> Result<Field, String> {
-    let bits = match u16::try_from(signal.size) {
-        Ok(bits @ 1..=64) => bits,
-        _ => return Err(format!("{} bits, of which 1 to 64 are read", signal.size)),
+    let Ok(bits @ 1..=64) = u16::try_from(signal.size) else {
+        return Err(format!("{} bits, of which 1 to 64 are read", signal.size));
     };
     if about.is_float && !matches!(bits, 32 | 64) {
         return Err(format!("no floating point number has {bits} bits"));
@@ -229,43 +241,57 @@ fn field(signal: can_dbc::Signal, about: About, length: u16) -> Result<Field, St
     let field = spec.field();
     match field.end() {
         Some(end) if end <= length * 8 => Ok(field),
-        _ => Err(format!("it does not fit into the {length} bytes of its message")),
+        _ => Err(format!("it ends behind its message of {length} bytes")),
     }
 }
 
 /// Fields with the places of those that select them. A field whose multiplexor is not there cannot be told from
 /// another one in the same bits, and is left out; so is one of a circle.
-fn select(placed: Vec<Placed>, problems: &mut Problems<'_>) -> Vec<Field> {
-    let mut reached: BTreeSet<&str> = BTreeSet::new();
-    for _ in 0..=DEEPEST_SELECTION {
-        let found = placed.iter().filter(|it| match &it.selected {
-            None => true,
-            Some((by, ranges)) => reached.contains(by.as_str()) && ranges.len() <= MOST_RANGES,
+fn select(placed: &[Placed], problems: &mut Problems<'_>) -> Vec<Field> {
+    let reached = reached(placed);
+    let (there, lost): (Vec<_>, Vec<_>) = placed.iter().partition(|it| it.is_there(&reached));
+    for it in lost {
+        let by = it.selected.as_ref().map_or("", |(by, _)| by);
+        let reason = match by {
+            "" => "no multiplexor, or several, of which none is named".to_owned(),
+            by => format!(
+                "its multiplexor {} is not there, or selects it in too many steps or ranges",
+                quote(by)
+            ),
+        };
+        problems.add(it.at, &format!("signal {} left out: {reason}", quote(&it.key)));
+    }
+    // Of two of one name the first one selects.
+    let order: BTreeMap<_, _> =
+        there.iter().enumerate().rev().map(|(at, it)| (it.key.as_str(), at)).collect();
+    let field = |it: &&Placed| {
+        let mut field = it.field.clone();
+        field.present = it.selected.as_ref().and_then(|(by, values)| {
+            Some(Selector { field: *order.get(by.as_str())?, values: values.clone() })
         });
-        let found: BTreeSet<_> = found.map(|it| it.key.as_str()).collect();
+        field
+    };
+    there.iter().map(field).collect()
+}
+
+/// Names of fields that are always there, or that a field selects which is reached in fewer steps.
+fn reached(placed: &[Placed]) -> BTreeSet<&str> {
+    let mut reached = BTreeSet::new();
+    for _ in 0..DEEPEST_SELECTION {
+        let found: BTreeSet<_> =
+            placed.iter().filter(|it| it.is_there(&reached)).map(|it| it.key.as_str()).collect();
         if found.len() == reached.len() {
             break;
         }
         reached = found;
     }
-    let is_there = |it: &Placed| it.selected.as_ref().is_none_or(|(by, _)| reached.contains(by.as_str()));
-    let (there, lost): (Vec<_>, Vec<_>) =
-        placed.iter().partition(|it| is_there(it) && reached.contains(it.key.as_str()));
-    for it in lost {
-        let by = it.selected.as_ref().map_or("", |(by, _)| by);
-        let reason = match by {
-            "" => "no multiplexor, or several, of which none is named".to_owned(),
-            by => format!("its multiplexor {} is not there, or selects it in too many steps or ranges", quote(by)),
-        };
-        problems.add(it.at, &format!("signal {} left out: {reason}", quote(&it.key)));
+    reached
+}
+
+impl Placed {
+    /// Whether nothing selects it, or something that is reached itself.
+    fn is_there(&self, reached: &BTreeSet<&str>) -> bool {
+        let Some((by, ranges)) = &self.selected else { return true };
+        reached.contains(by.as_str()) && ranges.len() <= MOST_RANGES
     }
-    let places: BTreeMap<_, _> = there.iter().enumerate().rev().map(|(at, it)| (it.key.as_str(), at)).collect();
-    let field = |it: &&Placed| {
-        let mut field = it.field.clone();
-        field.present = it.selected.as_ref().and_then(|(by, values)| {
-            Some(Selector { field: *places.get(by.as_str())?, values: values.clone() })
-        });
-        field
-    };
-    there.iter().map(field).collect()
 }

@@ -120,7 +120,8 @@ impl File {
     }
 
     fn message(&self, pgn: u32, group: &Group, problems: &mut Problems<'_>) -> DatabaseMessage {
-        let length = number(&group.length).and_then(|bits| whole(bits / 8.0)).filter(|it| *it <= LONGEST_MESSAGE);
+        let length =
+            number(&group.length).and_then(|bits| whole(bits / 8.0)).filter(|it| *it <= LONGEST_MESSAGE);
         let mut fields = Vec::new();
         for (place, number) in group.spns.iter().enumerate() {
             if place >= MOST_SIGNALS {
@@ -150,7 +151,7 @@ impl File {
         let most = length.map_or(u32::from(u16::MAX), |length| u32::from(length) * 8);
         match field.end() {
             Some(end) if u32::from(end) <= most => Ok(field),
-            _ => Err("it does not fit into its group".to_owned()),
+            _ => Err("it ends behind its group".to_owned()),
         }
     }
 

@@ -114,7 +114,10 @@ mod tests {
         assert_eq!(list.len(), MOST_PROBLEMS + 1);
         let shown = |at: usize| list[at].to_string();
         assert_eq!((shown(0), shown(MOST_PROBLEMS - 2)), ("1:1: a".into(), "2:5: b\u{FFFD}".into()));
-        assert_eq!((shown(MOST_PROBLEMS - 1), shown(MOST_PROBLEMS)), ("3:1: end".into(), " 3 more problems".into()));
+        assert_eq!(
+            (shown(MOST_PROBLEMS - 1), shown(MOST_PROBLEMS)),
+            ("3:1: end".into(), " 3 more problems".into())
+        );
     }
 
     #[test]

@@ -15,6 +15,14 @@ use crate::profile::object::Names;
 /// A signal alone is no DBC; a message around it makes it one.
 const AROUND_SIGNAL: &str = "BO_ 0 M: 8 N\n";
 
+/// Forms of statements, for whoever wrote another one.
+const SIGNAL: &str = "SG_ name : start|width@1+ (factor,offset) [least|largest] \"unit\" receivers";
+const VALUE_TABLE: &str = "VAL_TABLE_ name 0 \"text\" ;";
+const VALUES: &str = "VAL_ identifier signal 0 \"text\" ;";
+const FLOAT_TYPE: &str = "SIG_VALTYPE_ identifier signal : 1;";
+const MULTIPLEXED: &str = "SG_MUL_VAL_ identifier signal multiplexor 0-3, 5-5;";
+const ATTRIBUTE: &str = "BA_ \"name\" SG_ identifier signal value;";
+
 /// `BO_` of signals without a message.
 const NO_MESSAGE: &str = "VECTOR__INDEPENDENT_SIG_MSG";
 
@@ -32,7 +40,7 @@ pub(super) struct RawMessage {
 }
 
 /// What other statements say about a signal.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct About {
     /// Place of the first statement.
     pub(super) at: usize,
@@ -93,7 +101,7 @@ impl Raw {
 
     /// `VAL_TABLE_ name 0 "off" 1 "on" ;`
     fn value_table(&mut self, part: &mut Part<'_, '_>) {
-        for table in part.parse().map(|dbc| dbc.value_tables).unwrap_or_default() {
+        for table in part.parse(VALUE_TABLE).map(|dbc| dbc.value_tables).unwrap_or_default() {
             self.tables.insert(table.name, names(table.descriptions));
         }
     }
@@ -109,7 +117,7 @@ impl Raw {
             self.about(id, signal.to_owned(), part.at.start).values = Some(names);
             return;
         }
-        for values in part.parse().map(|dbc| dbc.value_descriptions).unwrap_or_default() {
+        for values in part.parse(VALUES).map(|dbc| dbc.value_descriptions).unwrap_or_default() {
             if let ValueDescription::Signal { name, value_descriptions, .. } = values {
                 self.about(id, name, part.at.start).values = Some(names(value_descriptions));
             }
@@ -119,8 +127,10 @@ impl Raw {
     /// `SIG_VALTYPE_ id signal : 1;`
     fn float_type(&mut self, part: &mut Part<'_, '_>) {
         let Some(id) = part.identifier(part.source().split_whitespace().nth(1)) else { return };
-        for said in part.parse().map(|dbc| dbc.signal_extended_value_type_list).unwrap_or_default() {
-            let is_float = said.signal_extended_value_type != SignalExtendedValueType::SignedOrUnsignedInteger;
+        for said in part.parse(FLOAT_TYPE).map(|dbc| dbc.signal_extended_value_type_list).unwrap_or_default()
+        {
+            let is_float =
+                said.signal_extended_value_type != SignalExtendedValueType::SignedOrUnsignedInteger;
             self.about(id, said.signal_name, part.at.start).is_float = is_float;
         }
     }
@@ -128,7 +138,7 @@ impl Raw {
     /// `SG_MUL_VAL_ id signal multiplexor 0-3, 8-8;`
     fn multiplexed(&mut self, part: &mut Part<'_, '_>) {
         let Some(id) = part.identifier(part.source().split_whitespace().nth(1)) else { return };
-        for said in part.parse().map(|dbc| dbc.extended_multiplex).unwrap_or_default() {
+        for said in part.parse(MULTIPLEXED).map(|dbc| dbc.extended_multiplex).unwrap_or_default() {
             let ranges = said.mappings.iter().map(|it| it.min_value..=it.max_value).collect();
             let selected = Some((said.multiplexor_signal_name, ranges));
             self.about(id, said.signal_name, part.at.start).selected = selected;
@@ -144,7 +154,7 @@ impl Raw {
             return;
         }
         let id = rest.split_whitespace().nth(1);
-        let Some(dbc) = part.parse() else { return };
+        let Some(dbc) = part.parse(ATTRIBUTE) else { return };
         if dbc.attribute_values_message.is_empty() && dbc.attribute_values_signal.is_empty() {
             return;
         }
@@ -177,13 +187,15 @@ impl<'a> Part<'a, '_> {
         self.text.get(self.at.clone()).unwrap_or_default()
     }
 
-    /// What can-dbc makes of it; a reason with its place if that is nothing.
-    fn parse(&mut self) -> Option<Dbc> {
+    /// What can-dbc makes of a statement; told with the form it should have if that is nothing.
+    fn parse(&mut self, form: &str) -> Option<Dbc> {
         let result = Dbc::try_from(self.source());
-        result.map_err(|error| self.tell(&error, 0)).ok()
+        result.map_err(|error| self.tell(&error, 0, form)).ok()
     }
 
-    fn tell(&mut self, error: &DbcError, before: usize) {
+    /// The place is the last one at which can-dbc looked for a part with a name; what is wrong may be a few
+    /// characters behind it, and its words about what it expected there lead astray.
+    fn tell(&mut self, error: &DbcError, before: usize, form: &str) {
         let offset = match error {
             DbcError::Pest(error) => match error.location {
                 InputLocation::Pos(at) | InputLocation::Span((at, _)) => at,
@@ -191,7 +203,7 @@ impl<'a> Part<'a, '_> {
             _ => 0,
         };
         let at = self.at.start + offset.saturating_sub(before).min(self.at.len());
-        self.problems.add(at, &format!("left out: {}", words(error)));
+        self.problems.add(at, &format!("left out: from about here on it is not like {form}"));
     }
 
     /// The identifier a statement is about: bit 31 marks one of 29 bits. Other text than a number is none.
@@ -239,7 +251,8 @@ impl<'a> Part<'a, '_> {
             return None;
         };
         if is_guess {
-            let reason = format!("{} taken for an identifier of 29 bits: bit 31, which says so, is clear", quote(id));
+            let reason =
+                format!("{} taken for an identifier of 29 bits: bit 31, which says so, is clear", quote(id));
             self.problems.add(self.at.start, &reason);
         }
         let name = name.to_owned();
@@ -255,7 +268,7 @@ impl<'a> Part<'a, '_> {
         match Dbc::try_from(format!("{AROUND_SIGNAL}{source} N\n").as_str()) {
             Ok(dbc) => dbc.messages.into_iter().next()?.signals.into_iter().next(),
             Err(error) => {
-                self.tell(&error, AROUND_SIGNAL.len());
+                self.tell(&error, AROUND_SIGNAL.len(), SIGNAL);
                 None
             }
         }
@@ -275,14 +288,4 @@ fn can_id(number: u64) -> Option<(CanId, bool)> {
 
 fn names(descriptions: Vec<ValDescription>) -> Arc<Names> {
     Arc::new(Names(descriptions.into_iter().map(|it| (it.id, it.description)).collect()))
-}
-
-/// The error without its place.
-fn words(error: &DbcError) -> String {
-    /// Beginnings of statements: as many as that are no help.
-    const MANY: usize = 5;
-    let DbcError::Pest(error) = error else { return error.to_string() };
-    let rules = |rule: &_| format!("{rule:?}").replace('_', " ");
-    let message = error.clone().renamed_rules(rules).variant.message().into_owned();
-    if message.matches(',').count() > MANY { "this is not understood".to_owned() } else { message }
 }

@@ -73,7 +73,11 @@ impl Signal {
         let Some([_, most]) = self.limits else { return Some(Indicators { bits: self.bits, largest: 0 }) };
         // A millionth of a step: 100 % of 0.4 % a bit is 250.00000000000003.
         let largest = ((most - self.offset) / self.factor + 1e-6).floor();
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates, and is not negative")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "saturates, and is not negative"
+        )]
         let largest = (largest >= 0.0 && self.factor > 0.0).then_some(largest as u64)?;
         Some(Indicators { bits: self.bits, largest })
     }

@@ -139,7 +139,9 @@ impl<'a> Statements<'a> {
         let mut words = head.split_whitespace();
         let id = words.next().is_some_and(|id| id.bytes().all(|byte| byte.is_ascii_digit()));
         let name = words.next().is_some_and(is_word);
-        id && name && words.next().is_none() && size.trim_start().starts_with(|first: char| first.is_ascii_digit())
+        id && name
+            && words.next().is_none()
+            && size.trim_start().starts_with(|first: char| first.is_ascii_digit())
     }
 
     /// Where a message that begins at `start` ends: behind the last of its signals.
@@ -175,7 +177,11 @@ impl<'a> Statements<'a> {
     /// What begins at `start`, a line of its own; reading goes on behind it.
     fn statement(&mut self, line: &str, start: usize) -> Option<Result<Statement, Broken>> {
         let Some(kind) = keyword(line) else {
-            let reason = if is_signal(line) { "a signal outside of a message" } else { "this begins no statement of a DBC" };
+            let reason = if is_signal(line) {
+                "a signal outside of a message"
+            } else {
+                "this begins no statement of a DBC"
+            };
             let told = self.recovering || is_word(line.trim());
             self.recovering = true;
             return (!told).then_some(Err(Broken { at: start, reason }));
@@ -256,7 +262,9 @@ fn is_word(text: &str) -> bool {
 mod tests {
     use super::*;
 
-    fn read(text: &str) -> Vec<Result<(Kind, &str), (usize, &'static str)>> {
+    type Read<'a> = Result<(Kind, &'a str), (usize, &'static str)>;
+
+    fn read(text: &str) -> Vec<Read<'_>> {
         let show = |it: Result<Statement, Broken>| match it {
             Ok(statement) => Ok((statement.kind, &text[statement.at])),
             Err(broken) => Err((broken.at, broken.reason)),
@@ -284,7 +292,8 @@ mod tests {
 
     #[test]
     fn what_is_broken_costs_no_other_statement() {
-        let text = "hello\nworld\nBO_ 1 M: 8 A\nCM_ \"open\nBO_ 2 N: 8 A\n SG_ a \"unit\" X\n\n; \nVAL_ 1 a 1 \"x\n";
+        let text =
+            "hello\nworld\nBO_ 1 M: 8 A\nCM_ \"open\nBO_ 2 N: 8 A\n SG_ a \"unit\" X\n\n; \nVAL_ 1 a 1 \"x\n";
         let expected = [
             Err((0, "this begins no statement of a DBC")),
             Ok((Kind::Message, "BO_ 1 M: 8 A")),
@@ -298,7 +307,8 @@ mod tests {
 
     #[test]
     fn after_a_hundred_open_strings_reading_ends() {
-        let found = read(&"VAL_ \\\"\n".repeat(20_000));
+        let text = "VAL_ \\\"\n".repeat(20_000);
+        let found = read(&text);
         assert_eq!(found.len(), MOST_PROBLEMS);
         assert!(found[MOST_PROBLEMS - 1].unwrap_err().1.ends_with("the rest of the file is not read"));
     }

@@ -64,7 +64,7 @@ fn meant(meaning: &Meaning, value: &Value, fields: &mut dyn Fields) {
     let label = meaning.label(value);
     match meaning.scaled(value) {
         Some(quantity) => {
-            fields.field("value", FieldValue::Real(rounded_to(quantity, meaning.digits.max(6))))
+            fields.field("value", FieldValue::Real(rounded_to(quantity, meaning.digits.max(6))));
         }
         None if meaning.scale.is_some() && label.is_some() => fields.field("value", FieldValue::Null),
         None => value_field("value", value, fields),
