@@ -137,3 +137,46 @@ const fn pgn(id: u32) -> u32 {
 fn spn(number: u64) -> Option<u32> {
     u32::try_from(number).ok().filter(|spn| (1..1 << 19).contains(spn))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_destination_is_no_part_of_a_parameter_group() {
+        // PF 0xFE: PDU2, the group extension counts. PF 0xEF: PDU1. The data page counts in both.
+        assert_eq!((pgn(0x18FE_F1AB), pgn(0x0CEF_80AB)), (0xFEF1, 0xEF00));
+        assert_eq!((pgn(0x1DFE_F1AB), pgn(0x1FEF_80AB)), (0x1_FEF1, 0x3_EF00));
+        assert_eq!((spn(0), spn(524_287), spn(524_288)), (None, Some(524_287), None));
+    }
+
+    #[test]
+    fn what_is_no_database_says_why() {
+        let why = |bytes: &[u8]| parse(bytes).unwrap_err().to_string();
+        assert_eq!(why(b""), "1:1: no DBC: not one statement like BO_ or VERSION, and no JSON");
+        assert_eq!(
+            why(b"(1.0) can0 123#00"),
+            "1:1: no DBC: not one statement like BO_ or VERSION, and no JSON"
+        );
+        assert_eq!(why(b"{\n \"x\": 1}"), "2:9: no JSON of pretty_j1939: missing field `J1939PGNdb`");
+        assert_eq!(why(b"{\"J1939PGNdb\": {"), "1:16: no JSON of pretty_j1939: EOF while parsing an object");
+    }
+
+    #[test]
+    fn of_two_files_the_first_counts() {
+        let file = |name: &str| {
+            parse(format!("BO_ 1 {name}: 8 N\nBO_ 2566849022 {name}: 8 N\n SG_ {name} : 0|8@1+ (1,0) [0|0] \"\" N\nBA_ \"SPN\" SG_ 2566849022 {name} 7;").as_bytes())
+                .unwrap()
+        };
+        let mut database = Database::default();
+        assert!(database.is_empty());
+        database.add(file("A"));
+        database.add(file("B"));
+        let name = |message: Option<&Arc<DatabaseMessage>>| message.map(|it| it.name.clone());
+        assert_eq!(name(database.frame(CanId::Standard(1))).as_deref(), Some("A"));
+        // 0x18FF01FE of any source.
+        assert_eq!(name(database.message(0xFF01)).as_deref(), Some("A"));
+        assert_eq!(name(database.frame(CanId::extended(0x18FF_0100))), None);
+        assert_eq!(database.parameter(7).map(|it| it.name.as_str()), Some("A"));
+    }
+}
