@@ -158,7 +158,7 @@ mod tests {
             why(b"(1.0) can0 123#00"),
             "1:1: no DBC: not one statement like BO_ or VERSION, and no JSON"
         );
-        assert_eq!(why(b"{\n \"x\": 1}"), "2:9: no JSON of pretty_j1939: missing field `J1939PGNdb`");
+        assert_eq!(why(b"{\n \"x\": 1}"), "2:8: no JSON of pretty_j1939: missing field `J1939PGNdb`");
         assert_eq!(why(b"{\"J1939PGNdb\": {"), "1:16: no JSON of pretty_j1939: EOF while parsing an object");
     }
 
