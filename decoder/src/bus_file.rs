@@ -3,6 +3,7 @@
 //! ```toml
 //! [bus.can0]
 //! bitrate = 250000
+//! dbc = "engine.dbc"
 //! [node.5]
 //! name = "pump"
 //! [[id]]
@@ -45,6 +46,8 @@ pub struct Settings {
     pub areas: Vec<(NodeId, String, Vec<AreaEntry>)>,
     /// Units chosen in the maker's tool, by node.
     pub units: Vec<(NodeId, ObjectAddress, String)>,
+    /// Databases of messages, relative to the bus file; what an earlier one tells goes before a later one.
+    pub databases: Vec<String>,
 }
 
 /// A value of an object.
@@ -174,6 +177,18 @@ mod tests {
     const NODE: NodeId = NodeId::Canopen(5);
     const PUMP: NodeId = NodeId::Canopen(63);
     const TPDO1: PdoName = PdoName { direction: PdoDirection::Transmit, number: 1 };
+
+    #[test]
+    fn databases_are_a_file_or_several_on_a_bus_or_all() {
+        let file =
+            BusFile::parse("dbc = 'a.dbc'\n[bus.can0]\ndbc = ['b.dbc', 'c.json']\n[bus.can1]").unwrap();
+        assert_eq!(file.everywhere.databases, ["a.dbc"]);
+        assert_eq!(file.buses[0].1.databases, ["b.dbc", "c.json"]);
+        assert!(file.buses[1].1.databases.is_empty());
+        let error = BusFile::parse("dbc = 5").unwrap_err();
+        assert_eq!((error.line, error.column), (1, 7));
+        assert_eq!(error.message, "the name of a file, or a list of names");
+    }
 
     #[test]
     fn everything_a_bus_file_can_say() {

@@ -11,6 +11,7 @@ use cobscope_decoder::event::{
     StateCause, StateChange, Undecoded,
 };
 use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags, MAX_DATA, Timestamp};
+use cobscope_decoder::profile::dbc;
 use cobscope_decoder::profile::object::{BitName, BitNames, Names};
 use cobscope_decoder::profile::{
     Carrier, Catalogue, DataType, Effect, Factor, Field, Layout, Meaning, PdoDirection, PdoName,
@@ -400,13 +401,25 @@ fn layer_setting() -> Vec<EventKind> {
     contents.map(|(command, content)| EventKind::Lss { command, from_master: true, content }).into()
 }
 
+/// A frame of a database: with unit and without, a name of a value, a suspect parameter.
+fn described() -> EventKind {
+    let text = "BO_ 291 STATE: 3 N\n SG_ Speed : 0|8@1+ (0.5,0) [0|100] \"km/h\" N\n \
+                SG_ Gear : 8|8@1+ (1,0) [0|0] \"\" N\n SG_ Load : 16|8@1+ (1,0) [0|250] \"%\" N\n\
+                VAL_ 291 Gear 2 \"second\" ;\nBA_ \"SPN\" SG_ 291 Load 520192;\n";
+    let file = dbc::parse(text.as_bytes()).unwrap();
+    let message = file.messages().next().map(|(_, message)| Arc::new(message.clone()));
+    let frame = Frame::data_frame(CanId::standard(291), &[255, 2, 255]);
+    EventKind::Frame(Undecoded { frame, name: None, message })
+}
+
 fn bus_and_capture() -> Vec<EventKind> {
     let mut frame = Frame::data_frame(CanId::extended(0x18FE_CA00), &[1, 2, 3]);
     frame.flags = FrameFlags::REMOTE.with(FrameFlags::FD);
     let error = Malformed { layer: "sdo", offset: 0, needed: 8, available: 3 };
     vec![
         EventKind::CanError(error_frame::parse(0x2000_0204, &[0, 4, 0, 0, 0, 0, 96, 128])),
-        EventKind::Frame(Undecoded { frame, name: Some("dynamic SDO request") }),
+        EventKind::Frame(Undecoded { frame, name: Some("dynamic SDO request"), message: None }),
+        described(),
         EventKind::Malformed { error, reason: "too short" },
         EventKind::Evicted { what: "object", count: 1 },
         EventKind::ClockStep { step: -1_000_000 },

@@ -3,6 +3,7 @@
 
 mod bus_file;
 mod cli;
+mod dbc;
 mod docs;
 mod eds;
 mod explain;

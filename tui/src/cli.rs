@@ -124,6 +124,9 @@ pub struct InputArgs {
     /// Device file of a node, EDS, DCF, XDD or XDC: 5=pump.eds, can0:5=pump.dcf (repeatable)
     #[arg(long, value_name = "[BUS:]ID=FILE")]
     pub eds: Vec<FileArg>,
+    /// Signals of messages that no profile knows: a DBC, or the JSON of pretty_j1939 (repeatable, the first counts)
+    #[arg(long, value_name = "FILE")]
+    pub dbc: Vec<PathBuf>,
     /// Folder with profiles and device files of your own (repeatable)
     #[arg(long, value_name = "DIR")]
     pub profiles: Vec<PathBuf>,
@@ -175,8 +178,8 @@ pub struct DecodeArgs {
     /// Write to FILE instead of standard output
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Which PDOs and J1939 messages to print: those that say something new, all or none (default: change for
-    /// text, all for others)
+    /// Which PDOs, J1939 messages and frames a DBC describes to print: those that say something new, all or
+    /// none (default: change for text, all for others)
     #[arg(long, value_name = "WHICH")]
     pub pdo: Option<Pdo>,
     /// Print repetitions too: heartbeats, SYNC, guarding (text; other formats always have them)

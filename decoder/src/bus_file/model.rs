@@ -28,6 +28,8 @@ type Nodes = BTreeMap<Spanned<String>, Node>;
 #[serde(deny_unknown_fields)]
 pub(super) struct File {
     #[serde(default)]
+    dbc: Files,
+    #[serde(default)]
     bus: BTreeMap<String, Bus>,
     #[serde(default)]
     node: Nodes,
@@ -41,9 +43,34 @@ struct Bus {
     #[serde(default)]
     bitrate: Option<Spanned<i64>>,
     #[serde(default)]
+    dbc: Files,
+    #[serde(default)]
     node: Nodes,
     #[serde(default)]
     id: Vec<Id>,
+}
+
+/// `"a.dbc"`, or `["a.dbc", "b.dbc"]`.
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "the name of a file, or a list of names")]
+enum Files {
+    One(String),
+    Many(Vec<String>),
+}
+
+impl Default for Files {
+    fn default() -> Self {
+        Self::Many(Vec::new())
+    }
+}
+
+impl From<Files> for Vec<String> {
+    fn from(files: Files) -> Self {
+        match files {
+            Files::One(file) => vec![file],
+            Files::Many(files) => files,
+        }
+    }
 }
 
 #[derive(Deserialize)]
@@ -98,10 +125,10 @@ enum Number {
 impl File {
     /// What the file says, or the first thing wrong with it.
     pub(super) fn check(self) -> Result<BusFile, Wrong> {
-        let everywhere = settings(None, self.node, self.id)?;
+        let everywhere = Settings { databases: self.dbc.into(), ..settings(None, self.node, self.id)? };
         let buses = self.bus.into_iter().map(|(name, bus)| {
             let settings = settings(bus.bitrate, bus.node, bus.id)?;
-            Ok((name, settings))
+            Ok((name, Settings { databases: bus.dbc.into(), ..settings }))
         });
         Ok(BusFile { everywhere, buses: buses.collect::<Result<_, Wrong>>()? })
     }

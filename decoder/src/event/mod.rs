@@ -20,8 +20,11 @@ pub use j1939::{
 pub use node::{BootCause, Certainty, EmcyAction, Emergency, PowerSign, Silence, StateCause, StateChange};
 pub use transfer::{Abort, Crc, Direction, Mode, Outcome, Pdo, SdoTransfer};
 
+use std::sync::Arc;
+
 use crate::frame::{BusIndex, Frame, Timestamp};
 use crate::profile::Effect;
+use crate::profile::dbc::DatabaseMessage;
 use crate::wire::canopen::lss::Content;
 use crate::wire::canopen::nmt::NmtService;
 use crate::wire::canopen::{NmtState, ObjectAddress};
@@ -193,6 +196,8 @@ pub struct Undecoded {
     pub frame: Frame,
     /// Name of its service where that is all that is known.
     pub name: Option<&'static str>,
+    /// What a database of the user tells of its identifier.
+    pub message: Option<Arc<DatabaseMessage>>,
 }
 
 impl EventKind {

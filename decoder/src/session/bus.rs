@@ -14,6 +14,7 @@ use super::{Observer, SessionOptions};
 use crate::event::EventKind;
 use crate::frame::{BusIndex, CanId, Frame, FrameFlags, Timestamp};
 use crate::profile::Owner;
+use crate::profile::dbc::Database;
 use crate::wire::canopen::sdo::Side;
 use crate::wire::error_frame;
 use crate::wire::{NODE_PLACES, NodeId};
@@ -24,6 +25,8 @@ pub struct Bus {
     pub(super) index: BusIndex,
     pub(super) name: Arc<str>,
     pub(super) options: Arc<SessionOptions>,
+    /// What the user's databases tell of this bus.
+    pub(super) database: Arc<Database>,
     pub(super) belief: Belief,
     pub(super) j1939: J1939Belief,
     pub(super) clock: Clock,
@@ -67,6 +70,7 @@ impl Bus {
             name: name.into(),
             belief: Belief::new(options.protocol),
             j1939: J1939Belief::new(options.protocol),
+            database: options.database(name),
             options,
             clock: Clock::default(),
             timers: Timers::default(),

@@ -32,6 +32,7 @@ use std::sync::Arc;
 
 use crate::bus_file::BusFile;
 use crate::event::Event;
+use crate::profile::dbc::Database;
 use crate::profile::{Catalogue, Device};
 use crate::wire::NodeId;
 
@@ -95,6 +96,10 @@ pub struct SessionOptions {
     pub catalogue: Arc<Catalogue>,
     /// What nodes are; of two for one node the last counts.
     pub assignments: Vec<Assignment>,
+    /// Messages the user's databases tell, on every bus.
+    pub database: Arc<Database>,
+    /// The same by name of a bus for those that have databases of their own; each has what holds on every bus too.
+    pub bus_databases: Vec<(String, Arc<Database>)>,
 }
 
 /// What a node is, as the user says.
@@ -119,6 +124,16 @@ impl Default for SessionOptions {
             bus_file: BusFile::default(),
             catalogue: Arc::default(),
             assignments: Vec::new(),
+            database: Arc::default(),
+            bus_databases: Vec::new(),
         }
+    }
+}
+
+impl SessionOptions {
+    /// The databases of a bus as one.
+    fn database(&self, bus: &str) -> Arc<Database> {
+        let own = self.bus_databases.iter().find(|(name, _)| name == bus);
+        Arc::clone(own.map_or(&self.database, |(_, database)| database))
     }
 }

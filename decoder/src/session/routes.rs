@@ -9,7 +9,7 @@ use super::EXTENDED_ID_LIMIT;
 use super::device::Planned;
 use super::j1939::Cadence;
 use crate::event::{Event, EventKind, Pdo};
-use crate::frame::CanId;
+use crate::frame::{CanId, Frame};
 use crate::profile::{Layout, Owner, PdoName, connection_set};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
@@ -50,11 +50,13 @@ pub(super) struct Slot {
     pub(super) plan: Option<Box<Planned>>,
     /// How often it comes, where a manual bounds that.
     pub(super) cadence: Option<Box<Cadence>>,
+    /// Its last frame, where no service is decoded of it and a database describes it.
+    pub(super) described: Option<Box<Frame>>,
 }
 
 impl Slot {
     const fn new(service: Service) -> Self {
-        Self { service, prepared: None, plan: None, cadence: None }
+        Self { service, prepared: None, plan: None, cadence: None, described: None }
     }
 }
 

@@ -92,7 +92,7 @@ impl BusStatistics {
                 }
             }
             EventKind::Time { .. } => self.master.times += 1,
-            EventKind::Frame(_) => self.undecoded += 1,
+            EventKind::Frame(frame) => self.undecoded += u64::from(frame.message.is_none()),
             EventKind::Malformed { .. } => self.malformed += 1,
             _ => {}
         }

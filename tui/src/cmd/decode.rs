@@ -119,7 +119,13 @@ impl Printer {
                 Pdo::Change => !event.routine,
                 Pdo::None => false,
             },
-            EventKind::Frame(_) => self.frames,
+            EventKind::Frame(_) if self.frames => true,
+            EventKind::Frame(undecoded) => match self.pdo {
+                Pdo::All => undecoded.message.is_some(),
+                // Without a database they are routine.
+                Pdo::Change => !event.routine,
+                Pdo::None => false,
+            },
             _ => true,
         }
     }

@@ -38,13 +38,21 @@ pub(super) fn name(path: &Path) -> String {
 /// # Errors
 /// A file that cannot be read, or is none.
 pub(super) fn read(path: &Path) -> anyhow::Result<Arc<DeviceFile>> {
+    let file = device_file::parse(&bytes(path)?).with_context(|| path.display().to_string())?;
+    Ok(Arc::new(file))
+}
+
+/// Everything in a file of reasonable size.
+///
+/// # Errors
+/// A file that cannot be read, or is larger.
+pub(super) fn bytes(path: &Path) -> anyhow::Result<Vec<u8>> {
     let shown = path.display();
     let mut bytes = Vec::new();
     let file = File::open(path).with_context(|| format!("{shown}: cannot be read"))?;
     file.take(LARGEST + 1).read_to_end(&mut bytes).with_context(|| format!("{shown}: cannot be read"))?;
     anyhow::ensure!(bytes.len() as u64 <= LARGEST, "{shown}: is larger than {} MiB", LARGEST >> 20);
-    let file = device_file::parse(&bytes).with_context(|| shown.to_string())?;
-    Ok(Arc::new(file))
+    Ok(bytes)
 }
 
 /// `pump.eds:12: reason`, a line a problem.

@@ -11,6 +11,7 @@ use cobscope_decoder::profile::Catalogue;
 use cobscope_decoder::session::{AssignedBy, Assignment, ProtocolChoice, SessionOptions};
 use cobscope_decoder::sink::escape;
 
+use super::databases::databases;
 use super::device_files;
 use crate::cli::{InputArgs, NodeArg, Protocol, StampStyle};
 
@@ -31,7 +32,7 @@ pub(super) fn read_options(input: &InputArgs) -> ReadOptions {
 /// What the options say of the buses.
 ///
 /// # Errors
-/// A bus file, profile or device file that cannot be read, is broken or does not exist.
+/// A bus file, profile, device file or database that cannot be read, is broken or does not exist.
 pub(super) fn session_options(input: &InputArgs) -> anyhow::Result<SessionOptions> {
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     let sdo_silence = (input.sdo_timeout * 1e9) as i64;
@@ -39,6 +40,7 @@ pub(super) fn session_options(input: &InputArgs) -> anyhow::Result<SessionOption
     let mut catalogue = catalogue(&input.profiles);
     let mut assignments = assignments(input, &bus_file, &mut catalogue)?;
     assignments.extend(device_files::assignments(input, &bus_file)?);
+    let databases = databases(input, &bus_file)?;
     Ok(SessionOptions {
         protocol: match input.protocol {
             Protocol::Auto => ProtocolChoice::Auto,
@@ -50,6 +52,8 @@ pub(super) fn session_options(input: &InputArgs) -> anyhow::Result<SessionOption
         bus_file,
         catalogue: Arc::new(catalogue),
         assignments,
+        database: databases.everywhere,
+        bus_databases: databases.buses,
         ..SessionOptions::default()
     })
 }

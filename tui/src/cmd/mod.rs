@@ -1,5 +1,6 @@
 //! The subcommands, one a file.
 
+mod databases;
 mod decode;
 mod describe;
 mod device_files;

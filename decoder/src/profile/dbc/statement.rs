@@ -292,8 +292,7 @@ mod tests {
 
     #[test]
     fn what_is_broken_costs_no_other_statement() {
-        let text =
-            "hello there\nworld\nBO_ 1 M: 8 A\nCM_ \"open\nBO_ 2 N: 8 A\n SG_ a \"unit\" X\n\n; \nVAL_ 1 a 1 \"x\n";
+        let text = "hello there\nworld\nBO_ 1 M: 8 A\nCM_ \"open\nBO_ 2 N: 8 A\n SG_ a \"unit\" X\n\n; \nVAL_ 1 a 1 \"x\n";
         let expected = [
             Err((0, "this begins no statement of a DBC")),
             Ok((Kind::Message, "BO_ 1 M: 8 A")),

@@ -1,6 +1,6 @@
 //! Fields of what is about the bus and the capture, and their words.
 
-use super::{FieldValue, Fields};
+use super::{FieldValue, Fields, signals};
 use crate::event::EventKind;
 use crate::frame::FrameFlags;
 use crate::profile;
@@ -12,12 +12,16 @@ pub(super) fn about_the_bus(kind: &EventKind, fields: &mut dyn Fields) {
         EventKind::CanError(error) => can_error(*error, fields),
         EventKind::Frame(undecoded) => {
             fields.field("id", FieldValue::Id(undecoded.frame.id));
-            if let Some(name) = undecoded.name {
+            let message = undecoded.message.as_deref();
+            if let Some(name) = message.map(|message| message.name.as_str()).or(undecoded.name) {
                 fields.field("name", FieldValue::Text(name));
             }
             frame_flags(undecoded.frame.flags, fields);
             fields.field("size", FieldValue::Unsigned(u64::from(undecoded.frame.length)));
             fields.field("data", FieldValue::Bytes(undecoded.frame.data()));
+            if let Some(message) = message.filter(|_| fields.wants_signals()) {
+                signals(&message.layout, undecoded.frame.data(), fields);
+            }
         }
         EventKind::Malformed { error, reason } => {
             fields.field("layer", FieldValue::Text(error.layer));

@@ -80,7 +80,9 @@ impl Bus {
         let mut bytes = [0; MAX_DATA];
         copy_payload(&mut bytes, frame);
         let node = self.node(id);
-        let layout = node.and_then(|node| layout(node, name));
+        let layout = node.and_then(|node| layout(node, name)).map(Arc::new);
+        // A mapping that is learnt later counts from then on.
+        let layout = layout.or_else(|| self.described(frame).map(|message| Arc::clone(&message.layout)));
         let plan = match (node.filter(|node| node.assigned.is_some()), &layout) {
             (Some(node), Some(layout)) => Plan::of(&node.device, &Carrier::Pdo(name), name.direction, layout),
             _ => None,
@@ -91,7 +93,7 @@ impl Bus {
             is_request: frame.flags.contains(FrameFlags::REMOTE),
             length: frame.length,
             bytes,
-            layout: layout.map(Arc::new),
+            layout,
         };
         let event = Event {
             time: frame.time,

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use super::pdo::push_signals;
 use super::{Tone, device, emcy, j1939, pdo, sdo};
 use crate::event::{
     BootCause, Certainty, Event, EventKind, FrameRange, ObjectChange, PowerSign, Silence, StateCause,
@@ -160,7 +161,10 @@ fn bus_words(event: &Event, words: impl Fn(&'static str, String, Tone) -> Words)
             }
             words("ERROR", what, Tone::Bad)
         }
-        EventKind::Frame(undecoded) => words("FRAME", frame(undecoded), Tone::Quiet),
+        EventKind::Frame(undecoded) => {
+            let tone = if undecoded.message.is_some() { Tone::Plain } else { Tone::Quiet };
+            words("FRAME", frame(undecoded), tone)
+        }
         EventKind::Malformed { error, reason } => {
             let what = format!(
                 "{reason}: {} of {} bytes there from byte {}",
@@ -204,7 +208,13 @@ fn frame(undecoded: &Undecoded) -> String {
     let name = undecoded.name.map_or(String::new(), |name| format!(" ({name})"));
     let remote = if frame.flags.contains(FrameFlags::REMOTE) { " remote" } else { "" };
     let fd = if frame.flags.contains(FrameFlags::FD) { " FD" } else { "" };
-    format!("{}{fd}{remote} [{}] {}{name}", frame.id, frame.length, bytes(frame.data()))
+    let Some(message) = &undecoded.message else {
+        return format!("{}{fd}{remote} [{}] {}{name}", frame.id, frame.length, bytes(frame.data()));
+    };
+    let mut signals = Vec::new();
+    push_signals(&message.layout, frame.data(), &mut signals);
+    let signals = String::from_utf8_lossy(&signals);
+    format!("{}{fd} {} {}{signals}", frame.id, message.name, bytes(frame.data()))
 }
 
 /// `32/20 boom`, `SA80 boom2`.

@@ -174,7 +174,13 @@ impl<W: Write> Text<W> {
                 PdoLines::Change => !event.routine && self.news.is_message_news(event.bus, message),
                 PdoLines::None => false,
             },
-            EventKind::Frame(_) => self.options.frames,
+            EventKind::Frame(_) if self.options.frames => true,
+            EventKind::Frame(undecoded) => match self.options.pdo {
+                PdoLines::All => undecoded.message.is_some(),
+                // Without a database they are routine.
+                PdoLines::Change => !event.routine,
+                PdoLines::None => false,
+            },
             _ => !event.routine || self.options.all,
         }
     }

@@ -1,0 +1,69 @@
+//! DBC files and their JSON sibling: reading them, telling their problems, and which buses they hold on.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use cobscope_decoder::bus_file::BusFile;
+use cobscope_decoder::profile::dbc::{self, Database, DatabaseFile};
+
+use super::device_files::bytes;
+use super::input::warn;
+use crate::cli::InputArgs;
+
+/// Problems of a file that are told.
+const TOLD: usize = 5;
+
+/// What holds on every bus, and on those that have databases of their own.
+pub(super) struct Databases {
+    pub(super) everywhere: Arc<Database>,
+    pub(super) buses: Vec<(String, Arc<Database>)>,
+}
+
+/// The databases of the options, then those of the bus file: of the one bus, then of all. The first that knows
+/// a message counts.
+///
+/// # Errors
+/// Files that cannot be read at all; what is wrong within one is told.
+pub(super) fn databases(input: &InputArgs, bus_file: &BusFile) -> anyhow::Result<Databases> {
+    let folder = input.bus.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
+    let mut reader = Reader::default();
+    let mut joined = |own: &[String]| {
+        let mut database = Database::default();
+        for path in &input.dbc {
+            database.add(reader.file(path)?);
+        }
+        for name in own.iter().chain(&bus_file.everywhere.databases) {
+            database.add(reader.file(&folder.join(name))?);
+        }
+        anyhow::Ok(Arc::new(database))
+    };
+    let everywhere = joined(&[])?;
+    let own = bus_file.buses.iter().filter(|(_, settings)| !settings.databases.is_empty());
+    let buses = own.map(|(name, settings)| Ok((name.clone(), joined(&settings.databases)?)));
+    Ok(Databases { everywhere, buses: buses.collect::<anyhow::Result<_>>()? })
+}
+
+/// Reads each file once, and tells its problems once.
+#[derive(Default)]
+struct Reader {
+    files: BTreeMap<PathBuf, DatabaseFile>,
+}
+
+impl Reader {
+    fn file(&mut self, path: &Path) -> anyhow::Result<DatabaseFile> {
+        if let Some(file) = self.files.get(path) {
+            return Ok(file.clone());
+        }
+        let shown = path.display();
+        let file = dbc::parse(&bytes(path)?).map_err(|problem| anyhow::anyhow!("{shown}:{problem}"))?;
+        for problem in file.problems.iter().take(TOLD) {
+            warn(&format!("{shown}:{problem}"));
+        }
+        if let Some(more) = file.problems.len().checked_sub(TOLD).filter(|more| *more > 0) {
+            warn(&format!("{shown}: {more} more problems"));
+        }
+        self.files.insert(path.to_owned(), file.clone());
+        Ok(file)
+    }
+}
