@@ -13,6 +13,7 @@ use std::sync::Arc;
 use cobscope_decoder::frame::CanId;
 use cobscope_decoder::profile::dbc::{self, Database, DatabaseFile, DatabaseMessage};
 use cobscope_decoder::profile::{Field, SignalId, Value};
+use cobscope_decoder::wire::j1939::Pgn;
 use proptest::prelude::*;
 use serde_json::Value as Json;
 
@@ -432,7 +433,7 @@ fn describe(file: DatabaseFile, expected: &str) -> String {
         let (id, data) = asked.split_once('#').unwrap();
         let hex = |text: &str| u32::from_str_radix(text, 16).unwrap();
         let message = match (id.strip_prefix("PGN "), id.len()) {
-            (Some(pgn), _) => database.message(hex(pgn)),
+            (Some(pgn), _) => database.message(Pgn::new(hex(pgn))),
             (None, 3) => database.frame(CanId::standard(u16::try_from(hex(id)).unwrap())),
             (None, _) => database.frame(CanId::extended(hex(id))),
         };

@@ -7,12 +7,13 @@ use foldhash::fast::RandomState;
 
 use super::{DatabaseFile, DatabaseMessage, Parameter};
 use crate::frame::CanId;
+use crate::wire::j1939::Pgn;
 
 /// Messages by identifier and by parameter group, and suspect parameters by number.
 #[derive(Debug, Clone, Default)]
 pub struct Database {
     frames: HashMap<CanId, Arc<DatabaseMessage>, RandomState>,
-    groups: HashMap<u32, Arc<DatabaseMessage>, RandomState>,
+    groups: HashMap<Pgn, Arc<DatabaseMessage>, RandomState>,
     parameters: HashMap<u32, Parameter, RandomState>,
 }
 
@@ -42,9 +43,8 @@ impl Database {
         self.frames.get(&id)
     }
 
-    /// The message of a parameter group, from whichever source to whichever destination. Of a PGN of PDU1 format
-    /// the low byte is 0.
-    pub fn message(&self, pgn: u32) -> Option<&Arc<DatabaseMessage>> {
+    /// The message of a parameter group, from whichever source to whichever destination.
+    pub fn message(&self, pgn: Pgn) -> Option<&Arc<DatabaseMessage>> {
         self.groups.get(&pgn)
     }
 

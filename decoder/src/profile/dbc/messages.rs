@@ -11,10 +11,11 @@ use super::read::{About, Raw, RawMessage};
 use super::signal::Signal;
 use super::{
     DatabaseFile, DatabaseMessage, Known, LONGEST_MESSAGE, MOST_MESSAGES, MOST_RANGES, MOST_SIGNALS,
-    Parameter, pgn,
+    Parameter,
 };
 use crate::frame::CanId;
 use crate::profile::layout::{BitOrder, DEEPEST_SELECTION, Field, Layout, Selector, SignalId};
+use crate::wire::j1939::{J1939Id, Pgn};
 
 /// Where a layout comes from.
 const ORIGIN: &str = "dbc";
@@ -70,7 +71,7 @@ pub(super) fn file(mut raw: Raw, problems: &mut Problems<'_>) -> DatabaseFile {
 /// Parameter groups and the first message of each.
 #[derive(Default)]
 struct Groups {
-    first: BTreeMap<u32, Arc<DatabaseMessage>>,
+    first: BTreeMap<Pgn, Arc<DatabaseMessage>>,
     /// Messages that say something else of a group than its first one, and where the first of them is.
     others: usize,
     at: usize,
@@ -78,9 +79,9 @@ struct Groups {
 
 impl Groups {
     /// The parameter group a message of 29 bits stands for, unless one before it does already.
-    fn of(&mut self, id: CanId, message: &Arc<DatabaseMessage>, at: usize) -> Option<u32> {
+    fn of(&mut self, id: CanId, message: &Arc<DatabaseMessage>, at: usize) -> Option<Pgn> {
         let CanId::Extended(id) = id else { return None };
-        let pgn = pgn(id);
+        let pgn = J1939Id::of(id)?.pgn;
         let Some(first) = self.first.get(&pgn) else {
             self.first.insert(pgn, Arc::clone(message));
             return Some(pgn);

@@ -24,6 +24,7 @@ use std::sync::Arc;
 use crate::frame::CanId;
 use crate::profile::device_file::decode;
 use crate::profile::layout::Layout;
+use crate::wire::j1939::Pgn;
 use problem::Problems;
 
 pub use database::Database;
@@ -83,7 +84,7 @@ pub struct DatabaseFile {
 #[derive(Debug, Clone, PartialEq)]
 struct Known {
     id: Option<CanId>,
-    pgn: Option<u32>,
+    pgn: Option<Pgn>,
     message: Arc<DatabaseMessage>,
 }
 
@@ -125,14 +126,6 @@ pub fn parse(bytes: &[u8]) -> Result<DatabaseFile, Problem> {
     Ok(file)
 }
 
-/// The parameter group of a 29-bit identifier (SAE J1939-21 §5.2.4): a destination is no part of it.
-const fn pgn(id: u32) -> u32 {
-    /// PF below it: PDU1 format, whose second byte is the destination.
-    const PDU2: u32 = 240;
-    let pgn = id >> 8 & 0x3_FFFF;
-    if pgn >> 8 & 0xFF < PDU2 { pgn & 0x3_FF00 } else { pgn }
-}
-
 /// A suspect parameter number: 19 bits (SAE J1939-73 §5.7.1.7); 0 stands for none.
 fn spn(number: u64) -> Option<u32> {
     u32::try_from(number).ok().filter(|spn| (1..1 << 19).contains(spn))
@@ -143,10 +136,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_destination_is_no_part_of_a_parameter_group() {
-        // PF 0xFE: PDU2, the group extension counts. PF 0xEF: PDU1. The data page counts in both.
-        assert_eq!((pgn(0x18FE_F1AB), pgn(0x0CEF_80AB)), (0xFEF1, 0xEF00));
-        assert_eq!((pgn(0x1DFE_F1AB), pgn(0x1FEF_80AB)), (0x1_FEF1, 0x3_EF00));
+    fn a_suspect_parameter_has_19_bits_and_is_not_0() {
         assert_eq!((spn(0), spn(524_287), spn(524_288)), (None, Some(524_287), None));
     }
 
@@ -175,7 +165,7 @@ mod tests {
         let name = |message: Option<&Arc<DatabaseMessage>>| message.map(|it| it.name.clone());
         assert_eq!(name(database.frame(CanId::Standard(1))).as_deref(), Some("A"));
         // 0x18FF01FE of any source.
-        assert_eq!(name(database.message(0xFF01)).as_deref(), Some("A"));
+        assert_eq!(name(database.message(Pgn::new(0xFF01))).as_deref(), Some("A"));
         assert_eq!(name(database.frame(CanId::extended(0x18FF_0100))), None);
         assert_eq!(database.parameter(7).map(|it| it.name.as_str()), Some("A"));
     }

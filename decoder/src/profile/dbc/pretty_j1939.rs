@@ -25,6 +25,7 @@ use super::{
 };
 use crate::profile::layout::{BitOrder, Field, Layout};
 use crate::profile::object::Names;
+use crate::wire::j1939::Pgn;
 
 /// Where a layout comes from.
 const ORIGIN: &str = "json";
@@ -114,7 +115,7 @@ impl File {
                 break;
             }
             let message = Arc::new(self.message(pgn, group, problems));
-            file.messages.push(Known { id: None, pgn: Some(pgn), message });
+            file.messages.push(Known { id: None, pgn: Some(Pgn::new(pgn)), message });
         }
         file
     }
