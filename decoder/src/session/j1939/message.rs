@@ -18,6 +18,9 @@ use crate::wire::j1939::{ALL, J1939Id, Pgn};
 /// Last group of data page 0; those of NMEA 2000 lie above.
 const LAST_OF_PAGE_0: u32 = 0xFFFF;
 
+/// Bytes of a message that needs no transport protocol.
+const FRAME_BYTES: usize = 8;
+
 /// A device that a message is from or for, and what its profile says of it.
 struct Concerned {
     node: NodeId,
@@ -192,7 +195,7 @@ impl Bus {
         self.group_with(id, length, self.concerned(id).as_ref())
     }
 
-    fn group_with(&self, id: J1939Id, _length: usize, concerned: Option<&Concerned>) -> Group {
+    fn group_with(&self, id: J1939Id, length: usize, concerned: Option<&Concerned>) -> Group {
         let of_device = concerned.and_then(|concerned| {
             let spec = concerned.spec()?;
             let node = self.node(concerned.node)?;
@@ -201,16 +204,32 @@ impl Bus {
             layout.depends = resolver.looked_at;
             Some((spec.title_of(id.pgn), layout))
         });
-        let (name, layout) = match of_device.or_else(|| of_standard(id.pgn)) {
+        if let Some((name, layout)) = of_device {
+            return Group { name: Some(name.into()), layout: Some(Arc::new(layout)) };
+        }
+        if let Some(group) = self.of_database(id.pgn, length) {
+            return group;
+        }
+        let (name, layout) = match of_standard(id.pgn) {
             Some((name, layout)) => (Some(name), Some(Arc::new(layout))),
             None => (pgn_name(id.pgn), None),
         };
         Group { name: name.map(Into::into), layout }
     }
 
+    /// What the user's databases tell of a group. A message longer than a frame is not laid over a single one: that
+    /// is a part of it, or something else.
+    fn of_database(&self, pgn: Pgn, length: usize) -> Option<Group> {
+        let message = self.database.message(pgn)?;
+        let is_long = message.length.is_none_or(|length| usize::from(length) > FRAME_BYTES);
+        let layout = (length > FRAME_BYTES || !is_long).then(|| Arc::clone(&message.layout));
+        Some(Group { name: Some(message.name.as_str().into()), layout })
+    }
+
     /// Name of a group, whoever sends it.
     pub(in crate::session) fn group_name(&self, pgn: Pgn) -> Option<Arc<str>> {
-        pgn_name(pgn).map(Into::into)
+        let own = self.database.message(pgn).map(|message| message.name.as_str().into());
+        own.or_else(|| pgn_name(pgn).map(Into::into))
     }
 }
 
