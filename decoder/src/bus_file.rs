@@ -23,6 +23,7 @@ use crate::frame::CanId;
 use crate::profile::{Owner, TextError};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
+use crate::wire::j1939::SpnConversion;
 
 /// Slowest and fastest bit rate believed, in bit/s.
 const BIT_RATES: std::ops::RangeInclusive<u32> = 1_000..=10_000_000;
@@ -48,6 +49,8 @@ pub struct Settings {
     pub units: Vec<(NodeId, ObjectAddress, String)>,
     /// Databases of messages, relative to the bus file; what an earlier one tells goes before a later one.
     pub databases: Vec<String>,
+    /// How J1939 devices code SPNs whose conversion method bit is set.
+    pub conversions: Vec<(NodeId, SpnConversion)>,
 }
 
 /// A value of an object.
@@ -133,6 +136,11 @@ impl BusFile {
     /// Units of objects.
     pub fn units<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = &'a (NodeId, ObjectAddress, String)> {
         self.of(bus).rev().flat_map(|settings| &settings.units)
+    }
+
+    /// How J1939 devices code SPNs whose conversion method bit is set; of two for one the last counts.
+    pub fn conversions<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = (NodeId, SpnConversion)> + 'a {
+        self.of(bus).rev().flat_map(|settings| settings.conversions.iter().copied())
     }
 
     /// What fills an area of a node.
@@ -261,6 +269,20 @@ mod tests {
         fails("[node.5]\nunit = { \"63\" = \"bar\", \"x\" = \"bar\" }", "an object is written 1018:01");
     }
 
+    #[test]
+    fn how_a_device_codes_an_spn() {
+        let file = BusFile::parse(
+            "[node.\"sa:0x0B\"]\nspn_conversion = 1\n[bus.can1.node.\"sa:11\"]\nspn_conversion = 2",
+        );
+        let file = file.unwrap();
+        let of = |bus| file.conversions(bus).last();
+        let device = NodeId::J1939(11);
+        assert_eq!(of("can0"), Some((device, SpnConversion::Version1)));
+        assert_eq!(of("can1"), Some((device, SpnConversion::Version2)));
+        fails("[node.\"sa:11\"]\nspn_conversion = 4", "2:18: spn_conversion is 1, 2 or 3");
+        fails("[node.5]\nspn_conversion = 1", "2:18: spn_conversion is for a J1939 address");
+    }
+
     #[track_caller]
     fn fails(text: &str, message: &str) {
         let error = BusFile::parse(text).unwrap_err().to_string();
@@ -270,7 +292,7 @@ mod tests {
     #[test]
     fn errors_have_a_place_and_a_caret() {
         let error = BusFile::parse("[node.5]\nnmae = \"pump\"\n").unwrap_err();
-        let expected = "b.toml:2:1: unknown field `nmae`, expected one of `name`, `object`, `device`, `dcf`, `eds`, `unit`, `tx_area`, `rx_area`\n  2 | nmae = \"pump\"\n    | ^^^^";
+        let expected = "b.toml:2:1: unknown field `nmae`, expected one of `name`, `object`, `device`, `dcf`, `eds`, `unit`, `tx_area`, `rx_area`, `spn_conversion`\n  2 | nmae = \"pump\"\n    | ^^^^";
         assert_eq!(error.show("b.toml"), expected);
         let error = BusFile::parse("[[id]]\nid = 0x1A0\nservice = \"tpd1\"\n").unwrap_err();
         let shown = error.show("b.toml");

@@ -43,7 +43,7 @@ fn sdo_name(transfer: &SdoTransfer) -> String {
 }
 
 /// Decodes a capture of the corpus; `None`, said aloud, if it is not there.
-fn decode(path: &str, mut see: impl FnMut(&Event, &Bus)) -> Option<Decoder> {
+pub fn decode(path: &str, mut see: impl FnMut(&Event, &Bus)) -> Option<Decoder> {
     let path = support::corpus().join(path);
     let Ok(bytes) = fs::read(&path) else {
         support::skip("corpus", &format!("{} is not there", path.display()));

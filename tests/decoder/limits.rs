@@ -5,8 +5,8 @@ use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags, Timestamp};
 use cobscope_decoder::session::{
-    ACTIVE_ERROR_LIMIT, CHANNEL_LIMIT, EXTENDED_ID_LIMIT, OBJECT_LIMIT, OPEN_DATA_LIMIT, SessionOptions,
-    TRANSFER_DATA_LIMIT,
+    ACTIVE_ERROR_LIMIT, ADDRESSLESS_LIMIT, CHANNEL_LIMIT, EXTENDED_ID_LIMIT, OBJECT_LIMIT, OPEN_DATA_LIMIT,
+    SessionOptions, TRANSFER_DATA_LIMIT,
 };
 use serde_json::Value;
 
@@ -192,6 +192,42 @@ fn boot_ups_of_a_node_that_was_told_much() {
         scene.standard(0x705, &[0]);
     }
     assert_eq!(scene.decoder.buses()[0].node(5).unwrap().boots(), 2_000);
+}
+
+/// Thousands of devices want all addresses: each claim is one event, or two where one is given up.
+#[test]
+fn a_storm_of_address_claims() {
+    let mut scene = Scene::new();
+    scene.checker.kept = None;
+    // Lower and lower NAMEs, so that each one wins its address; then higher ones, which win none.
+    let claims = 20_000_u64;
+    for number in 0..claims {
+        let name = if number < claims / 2 { claims - number } else { claims + number };
+        let address = u32::try_from(number % 254).unwrap();
+        scene.frame(Frame::data_frame(CanId::extended(0x18EE_FF00 | address), &name.to_le_bytes()));
+    }
+    // The first 254 found their addresses free.
+    let lost = usize::try_from(claims / 2).unwrap() - 254;
+    assert_eq!(scene.evicted("device without address"), lost - ADDRESSLESS_LIMIT);
+    assert!(scene.checker.events < 2 * 20_000 + 10, "{}", scene.checker.events);
+    let footprint = scene.decoder.footprint();
+    assert!(footprint < 2 << 20, "{footprint}");
+}
+
+/// A device with another fault in each DM1: one active at a time, and no endless list of those that were.
+#[test]
+fn a_flood_of_trouble_codes() {
+    let mut scene = Scene::new();
+    scene.checker.kept = None;
+    for number in 1..=20_000_u32 {
+        let [low, high, ..] = number.to_le_bytes();
+        let source = number % 64;
+        let dm1 = [0, 0xFF, low, high, 3, 1, 0xFF, 0xFF];
+        scene.frame(Frame::data_frame(CanId::extended(0x18FE_CA00 | source), &dm1));
+    }
+    assert_eq!(scene.evicted("previously active trouble code"), 64);
+    let footprint = scene.decoder.footprint();
+    assert!(footprint < 2 << 20, "{footprint}");
 }
 
 /// Each identifier gives an event a frame at most, whatever comes.

@@ -18,6 +18,7 @@ mod fuzz_replay;
 #[path = "../../decoder/fuzz/src/harness/mod.rs"]
 mod harness;
 mod imported;
+mod j1939_nm;
 mod limits;
 mod malformed;
 mod profiles;

@@ -154,6 +154,7 @@ fn faults() -> Vec<EventKind> {
         is_old_coding: true,
         lamps: vec!["amber-warning-slow"],
         first_frame: 1,
+        last_frame: 2,
         since: Some(2_000_000_000),
         may_be_hidden: true,
         by_silence: true,

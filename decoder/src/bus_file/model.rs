@@ -13,6 +13,7 @@ use crate::profile::{Owner, PdoName};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
+use crate::wire::j1939::SpnConversion;
 
 /// What is wrong, and where in the text.
 pub(super) type Wrong = (Range<usize>, String);
@@ -90,6 +91,8 @@ struct Node {
     tx_area: Vec<Spanned<String>>,
     #[serde(default)]
     rx_area: Vec<Spanned<String>>,
+    #[serde(default)]
+    spn_conversion: Option<Spanned<u8>>,
 }
 
 #[derive(Deserialize)]
@@ -155,6 +158,9 @@ fn settings(bit_rate: Option<Spanned<i64>>, nodes: Nodes, ids: Vec<Id>) -> Resul
                 settings.areas.push((id, name.to_owned(), list));
             }
         }
+        if let Some(version) = node.spn_conversion {
+            settings.conversions.push((id, conversion(id, &version)?));
+        }
         for object in node.object {
             let (address, value) = object.check()?;
             settings.objects.push((id, address, value));
@@ -173,6 +179,14 @@ fn settings(bit_rate: Option<Spanned<i64>>, nodes: Nodes, ids: Vec<Id>) -> Resul
 
 fn address(text: &Spanned<String>) -> Result<ObjectAddress, Wrong> {
     text.get_ref().parse().map_err(|error| (text.span(), format!("{error}")))
+}
+
+fn conversion(id: NodeId, version: &Spanned<u8>) -> Result<SpnConversion, Wrong> {
+    let wrong = |message: &str| (version.span(), message.to_owned());
+    if id.j1939().is_none() {
+        return Err(wrong("spn_conversion is for a J1939 address, such as [node.\"sa:0x0B\"]"));
+    }
+    SpnConversion::try_from(*version.get_ref()).map_err(wrong)
 }
 
 fn area_entry(text: &Spanned<String>) -> Result<AreaEntry, Wrong> {

@@ -25,6 +25,8 @@ pub enum DeviceCause {
     NmtCommand,
     /// An EMCY: the error behind it.
     Emcy,
+    /// A trouble code of DM1: the fault behind it.
+    Dtc,
     /// Life guarding expired.
     LifeGuard,
     /// The node started.
@@ -40,6 +42,7 @@ impl DeviceCause {
             Self::ControlWord => "control-word",
             Self::NmtCommand => "nmt-command",
             Self::Emcy => "emcy",
+            Self::Dtc => "dtc",
             Self::LifeGuard => "life-guard",
             Self::BootUp => "boot-up",
             Self::NotOnTheBus => "not-on-the-bus",

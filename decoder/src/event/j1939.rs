@@ -335,21 +335,23 @@ pub struct Dtc {
     pub spn: u32,
     /// Failure mode, 5 bits.
     pub fmi: u8,
-    /// Occurrences, 1..=126; `None` where the device does not count.
+    /// Occurrences, 0..=126; `None` where the device does not count.
     pub count: Option<u8>,
     /// What became of it.
     pub action: DtcAction,
     /// Who reports it.
     pub source: u8,
-    /// Conversion method bit is set: the SPN may be coded in one of three older ways.
+    /// Conversion method bit is set, and which of three older ways the SPN is coded in is assumed.
     pub is_old_coding: bool,
     /// Lamps that are lit, as the tables name them; with `-slow` or `-fast` where they flash.
     pub lamps: Vec<&'static str>,
     /// First frame that reported it.
     pub first_frame: u64,
+    /// Last frame that reported it.
+    pub last_frame: u64,
     /// Nanoseconds since that frame.
     pub since: Option<i64>,
-    /// The device shows only its most urgent fault.
+    /// It left, but the device shows only its most urgent fault, and shows another one.
     pub may_be_hidden: bool,
     /// It ended by silence of DM1, not by a DM1 without it.
     pub by_silence: bool,

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use serde::Deserialize;
 
 use super::parse;
-use crate::wire::j1939::Pgn;
+use crate::wire::j1939::{Lamps, Lit, Pgn};
 
 /// One code of a table.
 #[derive(Debug, Clone, Deserialize)]
@@ -121,6 +121,32 @@ pub fn industry_groups() -> &'static Bits {
     }
     static TABLE: OnceLock<Bits> = OnceLock::new();
     TABLE.get_or_init(|| Bits(parse::<File>("lookups/industry_groups.toml").class))
+}
+
+/// Names of the lamps that are lit, with how they flash (J1939-73 §5.7.1).
+pub fn lamp_names(lamps: Lamps) -> impl Iterator<Item = &'static str> {
+    #[derive(Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Lamp {
+        shift: u8,
+        name: String,
+        slow: String,
+        fast: String,
+    }
+    #[derive(Default, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct File {
+        lamp: Vec<Lamp>,
+    }
+    static TABLE: OnceLock<Vec<Lamp>> = OnceLock::new();
+    let table = TABLE.get_or_init(|| parse::<File>("lookups/lamps.toml").lamp);
+    table.iter().filter_map(move |lamp| {
+        Some(match lamps.lit(lamp.shift)? {
+            Lit::Steady => lamp.name.as_str(),
+            Lit::Slow => &lamp.slow,
+            Lit::Fast => &lamp.fast,
+        })
+    })
 }
 
 /// Name of a parameter group that belongs to the protocols themselves.
@@ -313,6 +339,13 @@ mod tests {
         let classes: Vec<_> = can_errors().classes.names(0x0C).collect();
         assert_eq!(classes, ["controller", "protocol"]);
         assert!(can_errors().location.text_of(0x19).is_some());
+    }
+
+    #[test]
+    fn lamps_have_names() {
+        // 01 01 00 01: malfunction, red stop, protect; flash 11 01 11 00.
+        let names: Vec<_> = lamp_names(Lamps { status: 0b0101_0001, flash: 0b1101_1100 }).collect();
+        assert_eq!(names, ["malfunction", "red-stop-fast", "protect-slow"]);
     }
 
     #[test]

@@ -35,7 +35,7 @@ pub use layout::{
 };
 pub use lookup::{
     Bits, CanErrors, Code, Codes, LssNames, abort_codes, can_errors, emcy_codes, error_register,
-    failure_modes, fault_hints, industry_groups, lss, pgn_name, transport_aborts,
+    failure_modes, fault_hints, industry_groups, lamp_names, lss, pgn_name, transport_aborts,
 };
 
 pub use meaning::{Factor, Meaning, bit_words, integer, word};

@@ -6,7 +6,7 @@ use super::belief::Belief;
 use super::canopen::{Channels, LssState, SyncState};
 use super::clock::Clock;
 use super::device::Restart;
-use super::j1939::J1939Belief;
+use super::j1939::{Claims, J1939Belief};
 use super::node::Node;
 use super::routes::{Origin, Routes, Service};
 use super::timers::Timers;
@@ -29,6 +29,7 @@ pub struct Bus {
     pub(super) database: Arc<Database>,
     pub(super) belief: Belief,
     pub(super) j1939: J1939Belief,
+    pub(super) claims: Claims,
     pub(super) clock: Clock,
     pub(super) timers: Timers,
     pub(super) routes: Routes,
@@ -72,6 +73,7 @@ impl Bus {
             j1939: J1939Belief::new(options.protocol),
             database: options.database(name),
             options,
+            claims: Claims::default(),
             clock: Clock::default(),
             timers: Timers::default(),
             routes: Routes::default(),

@@ -58,6 +58,9 @@ impl Bus {
         }
         for node in &mut self.nodes {
             node.behaviour.postpone(delay);
+            if let Some(state) = &mut node.j1939 {
+                state.faults.postpone(delay);
+            }
             if let Some(deadline) = &mut node.heartbeat.deadline {
                 *deadline = deadline.saturating_add(delay);
             }
@@ -72,6 +75,7 @@ impl Bus {
                 Subject::SdoChannel(channel) => self.sdo_deadline(channel, now, out),
                 Subject::Heartbeat(node) => self.heartbeat_deadline(node, now, out),
                 Subject::SetPoint(node) => self.sync_deadline(node, now, out),
+                Subject::Dm1(node) => self.dm1_deadline(node, now, out),
                 Subject::Message(slot) => self.message_deadline(slot, now, out),
             }
         }

@@ -42,6 +42,11 @@ impl Bus {
             self.give_object(*id, *address, value);
         }
         self.give_areas(&options, &name);
+        for (id, conversion) in options.bus_file.conversions(&name) {
+            if let Some(node) = self.node_mut(id) {
+                node.j1939_state().conversion = Some(conversion);
+            }
+        }
         for (id, address, unit) in options.bus_file.units(&name) {
             if let Some(node) = self.node_mut(*id) {
                 Arc::make_mut(&mut node.store).give_unit(*address, unit);

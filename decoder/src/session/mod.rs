@@ -42,8 +42,12 @@ pub const TRANSFER_DATA_LIMIT: usize = 64 * 1024;
 pub const OPEN_DATA_LIMIT: usize = 4 * 1024 * 1024;
 /// SDO channels of a bus, so also open transfers.
 pub const CHANNEL_LIMIT: usize = 256;
-/// Active errors of a node.
+/// Active errors of a node; also active, and previously active, trouble codes of a J1939 device.
 pub const ACTIVE_ERROR_LIMIT: usize = 64;
+/// J1939 devices of a bus without an address that are remembered.
+pub const ADDRESSLESS_LIMIT: usize = 64;
+/// J1939 devices of a bus that were commanded to an address they did not claim yet.
+pub const COMMANDED_LIMIT: usize = 64;
 /// 29-bit identifiers of a bus that are kept apart.
 pub const EXTENDED_ID_LIMIT: usize = 4096;
 /// Objects of a node in the store.

@@ -1,9 +1,10 @@
-//! What is known of one CANopen node.
+//! What is known of one node.
 
 use std::sync::Arc;
 
 use super::ACTIVE_ERROR_LIMIT;
 use super::device::{Behaviour, Conflicts, Restart};
+use super::j1939::J1939State;
 use super::store::Store;
 use crate::event::{Certainty, StateCause};
 use crate::frame::{CanId, Timestamp};
@@ -130,6 +131,8 @@ pub struct Node {
     pub(super) delivered_ids: Vec<CanId>,
     /// What contradicted the file of its device.
     pub(super) conflicts: Conflicts,
+    /// What is remembered of it as a J1939 device.
+    pub(super) j1939: Option<Box<J1939State>>,
 }
 
 /// Byte order of EMCY codes that the codes themselves told.
@@ -195,6 +198,7 @@ impl Node {
             ambiguous: false,
             delivered_ids: Vec::new(),
             conflicts: Conflicts::default(),
+            j1939: None,
         }
     }
 
@@ -283,7 +287,8 @@ impl Node {
 
     /// What is wrong now, in words for people: codes of EMCY messages, faults of DM1.
     pub(super) fn errors(&self) -> impl Iterator<Item = String> {
-        self.active_errors.iter().map(|code| format!("{code:04X}"))
+        let codes = self.active_errors.iter().map(|code| format!("{code:04X}"));
+        codes.chain(self.active_dtcs().map(|(spn, fmi)| format!("SPN {spn} FMI {fmi}")))
     }
 
     /// Adds an active error; `false` when an old one had to go.
@@ -307,5 +312,6 @@ impl Node {
             + self.behaviour.footprint()
             + self.delivered_ids.capacity() * size_of::<CanId>()
             + self.conflicts.footprint()
+            + self.j1939.as_ref().map_or(0, |state| state.footprint())
     }
 }

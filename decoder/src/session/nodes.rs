@@ -1,5 +1,7 @@
 //! What can be asked of a bus, and its nodes by node-ID.
 
+use std::sync::Arc;
+
 use super::Bus;
 use super::belief::Standing;
 use super::device::GateState;
@@ -26,6 +28,11 @@ impl Bus {
     /// Whether the traffic is believed to be CANopen.
     pub fn is_canopen(&self) -> bool {
         self.belief.is_believed()
+    }
+
+    /// Whether the 29-bit frames are believed to be J1939.
+    pub fn is_j1939(&self) -> bool {
+        self.j1939.is_believed()
     }
 
     /// The node with this number now; a bare number is a CANopen node-ID.
@@ -88,6 +95,7 @@ impl Bus {
             + self.routes.footprint()
             + self.timers.footprint()
             + self.channels.footprint()
+            + self.claims.footprint()
             + self.nodes.iter().map(Node::footprint).sum::<usize>()
     }
 
@@ -105,12 +113,17 @@ impl Bus {
     #[cold]
     fn add_node(&mut self, id: NodeId) -> Option<u16> {
         let place = u16::try_from(self.nodes.len() + 1).ok()?;
-        let named = self.options.node_names.iter().find(|(named, _)| *named == id);
-        let name = named.map(|(_, name)| name.as_str());
-        let name = name.or_else(|| self.options.bus_file.name(&self.name, id));
-        self.nodes.push(Node::new(id, name.map(Into::into)));
+        let name = self.given_name(id);
+        self.nodes.push(Node::new(id, name));
         *self.node_by_id.get_mut(id.place())? = place;
         Some(place)
+    }
+
+    /// Name the user gave to a number.
+    pub(super) fn given_name(&self, id: NodeId) -> Option<Arc<str>> {
+        let named = self.options.node_names.iter().find(|(named, _)| *named == id);
+        let name = named.map(|(_, name)| name.as_str());
+        name.or_else(|| self.options.bus_file.name(&self.name, id)).map(Into::into)
     }
 
     /// Gives a node another node-ID; the node that had it loses it. What was learnt of its identifiers

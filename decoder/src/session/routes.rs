@@ -263,13 +263,16 @@ impl Routes {
         self.slots.iter_mut().filter_map(|slot| slot.cadence.as_deref_mut())
     }
 
-    /// Drops the prepared events of J1939 messages: what devices are, or their addresses, changed.
-    pub(super) fn refresh_messages(&mut self) {
-        for slot in &mut self.slots {
+    /// Drops the prepared events of J1939 messages; gives the cadences that were watched, by slot.
+    pub(super) fn refresh_messages(&mut self) -> Vec<(u16, Box<Cadence>)> {
+        let mut dropped = Vec::new();
+        for (number, slot) in (0..).zip(&mut self.slots) {
             if matches!(slot.service, Service::J1939(_)) {
-                (slot.prepared, slot.cadence) = (None, None);
+                slot.prepared = None;
+                dropped.extend(slot.cadence.take().map(|cadence| (number, cadence)));
             }
         }
+        dropped
     }
 
     /// Bytes held.

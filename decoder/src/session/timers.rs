@@ -20,6 +20,8 @@ pub(super) enum Subject {
     SetPoint(NodeId),
     /// J1939 message of a slot.
     Message(u16),
+    /// DM1 of a node with active trouble codes.
+    Dm1(NodeId),
 }
 
 /// Deadlines in monotonic nanoseconds.

@@ -4,6 +4,7 @@ mod bits;
 mod bus;
 mod distribution;
 mod intervals;
+mod j1939;
 mod load;
 mod node;
 mod quality;
@@ -12,6 +13,7 @@ pub use bits::frame_bits;
 pub use bus::{BusStatistics, IdStatistics, MasterStatistics};
 pub use distribution::Distribution;
 pub use intervals::Intervals;
+pub use j1939::{AddressStatistics, dtc_key, dtc_of_key};
 pub use load::Load;
 pub use node::NodeStatistics;
 pub use quality::Quality;
@@ -76,6 +78,11 @@ impl CodeCounts {
             None if has_room => self.codes.push((code, 1)),
             None => self.others += 1,
         }
+    }
+
+    /// How often any code came.
+    pub fn total(&self) -> u64 {
+        self.codes.iter().map(|(_, count)| count).sum::<u64>().saturating_add(self.others)
     }
 
     /// Codes, the most frequent first.

@@ -1,7 +1,7 @@
 //! Figures of one node.
 
-use super::{CodeCounts, Distribution, Intervals, MOST_CODES};
-use crate::event::{Event, EventKind, Outcome, SdoTransfer};
+use super::{CodeCounts, Distribution, Intervals, MOST_CODES, dtc_key};
+use crate::event::{DtcAction, Event, EventKind, Outcome, SdoTransfer};
 use crate::frame::CanId;
 use crate::profile::PdoName;
 
@@ -32,6 +32,10 @@ pub struct NodeStatistics {
     pub aborts: CodeCounts,
     /// Time between guarding requests to it.
     pub guard_requests: Intervals,
+    /// Address claims of a J1939 device, those it lost among them.
+    pub claims: u64,
+    /// Trouble codes it raised, by [`dtc_key`].
+    pub dtcs: CodeCounts,
     /// PDOs it sent and received.
     pub pdos: u64,
     /// Their names and identifiers, the first [`MOST_CODES`].
@@ -91,6 +95,10 @@ impl NodeStatistics {
                 }
             }
             EventKind::SdoTransfer(transfer) => self.transfer(transfer, time),
+            EventKind::AddressClaim(_) => self.claims += 1,
+            EventKind::Dtc(dtc) if dtc.action == DtcAction::Raised => {
+                self.dtcs.add(dtc_key(dtc.spn, dtc.fmi))
+            }
             _ => {}
         }
     }

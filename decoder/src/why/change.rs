@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::SHOWN;
-use crate::event::{Direction, Event, EventKind, Outcome, StateCause};
+use crate::event::{ClaimAction, Direction, DtcAction, Event, EventKind, Outcome, StateCause};
 use crate::wire::NodeId;
 
 /// Bytes kept of the data of a transfer.
@@ -35,6 +35,9 @@ pub(super) fn reach(event: &Event) -> Option<Reach> {
             transfer.direction == Some(Direction::Download)
                 && matches!(transfer.outcome, Outcome::Complete | Outcome::Aborted | Outcome::Timeout)
         }
+        // Lists of what was before, and answers to a request for all addresses, change nothing.
+        EventKind::Dtc(dtc) => dtc.action != DtcAction::PreviouslyActive,
+        EventKind::AddressClaim(claim) => claim.action != ClaimAction::Confirmed,
         EventKind::BootUp { .. }
         | EventKind::NodeLost(_)
         | EventKind::NodeBack(_)
@@ -44,7 +47,9 @@ pub(super) fn reach(event: &Event) -> Option<Reach> {
         | EventKind::BitsChanged(_)
         | EventKind::SetPoint(_)
         | EventKind::Mode(_)
-        | EventKind::Procedure(_) => true,
+        | EventKind::Procedure(_)
+        | EventKind::CommandedAddress(_)
+        | EventKind::MessageGap(_) => true,
         _ => false,
     };
     event.node.filter(|_| is_told).map(Reach::Node)
@@ -60,6 +65,12 @@ fn replaces(new: &EventKind, old: &EventKind) -> bool {
             (new.object, &new.set, &new.cleared) == (old.object, &old.set, &old.cleared)
         }
         (EventKind::Emcy(new), EventKind::Emcy(old)) => (new.code, new.action) == (old.code, old.action),
+        (EventKind::Dtc(new), EventKind::Dtc(old)) => {
+            (new.spn, new.fmi, new.action) == (old.spn, old.fmi, old.action)
+        }
+        (EventKind::MessageGap(new), EventKind::MessageGap(old)) => {
+            (&new.message, new.source) == (&old.message, old.source)
+        }
         (EventKind::SdoTransfer(new), EventKind::SdoTransfer(old)) => {
             (new.object, new.outcome) == (old.object, old.outcome)
         }

@@ -15,7 +15,7 @@ pub struct Check {
     pub text: String,
     /// Section of the device's manual, where that says it.
     pub section: String,
-    /// What it comes from: `emcy`, `gate`, `state`, `code`, `general`.
+    /// What it comes from: `emcy`, `dtc`, `gate`, `state`, `code`, `general`.
     pub by: &'static str,
 }
 
@@ -65,10 +65,14 @@ fn add(all: &mut Vec<Check>, text: &str, section: &str, by: &'static str) {
 fn causes(ground: &Ground<'_>, all: &mut Vec<Check>) {
     let Some(device) = ground.device else { return };
     for kind in ground.kinds {
-        let FaultKind::Emcy(code) = kind else { continue };
-        let Some(error) = device.error(*code) else { continue };
-        for cause in &error.causes {
-            add(all, cause, &error.source, "emcy");
+        let known = match kind {
+            FaultKind::Emcy(code) => device.error(*code).map(|error| (&error.causes, &error.source)),
+            FaultKind::Dtc(spn, fmi) => device.dtc(*spn, *fmi).map(|own| (&own.causes, &own.source)),
+            _ => None,
+        };
+        let Some((causes, source)) = known else { continue };
+        for cause in causes {
+            add(all, cause, source, kind.name());
         }
     }
 }
@@ -110,6 +114,7 @@ fn codes(ground: &Ground<'_>, all: &mut Vec<Check>) {
     for kind in ground.kinds {
         let entry = match kind {
             FaultKind::Emcy(code) => profile::emcy_codes().find(u32::from(*code)),
+            FaultKind::Dtc(_, fmi) => profile::failure_modes().find(u32::from(*fmi)),
             FaultKind::Refused(code) => profile::abort_codes().find(*code),
             _ => None,
         };

@@ -1,8 +1,8 @@
 //! Which events are faults, and how grave they are.
 
 use crate::event::{
-    BootCause, DeviceCause, DeviceState, Direction, EmcyAction, Event, EventKind, Outcome, SdoTransfer,
-    StateCause, StateChange,
+    BootCause, DeviceCause, DeviceState, Direction, DtcAction, EmcyAction, Event, EventKind, Outcome,
+    SdoTransfer, StateCause, StateChange,
 };
 use crate::profile;
 use crate::session::Node;
@@ -25,6 +25,8 @@ pub enum Grade {
 pub enum FaultKind {
     /// An EMCY with this code.
     Emcy(u16),
+    /// A trouble code of a J1939 device: SPN and FMI.
+    Dtc(u32, u8),
     /// The device reports a fault nobody commanded.
     DeviceState,
     /// Life guarding expired.
@@ -54,6 +56,7 @@ impl FaultKind {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Emcy(_) => "emcy",
+            Self::Dtc(..) => "dtc",
             Self::DeviceState => "device-state",
             Self::LifeGuard => "life-guard",
             Self::NodeLost => "node-lost",
@@ -72,6 +75,7 @@ impl FaultKind {
     pub const fn grade(self) -> Grade {
         match self {
             Self::Emcy(_)
+            | Self::Dtc(..)
             | Self::DeviceState
             | Self::LifeGuard
             | Self::NodeLost
@@ -111,6 +115,8 @@ pub(super) fn of(event: &Event, node: Option<&Node>, was_operational: bool) -> O
             Some(code) if code != 0 && emergency.action == EmcyAction::Raised => Some(FaultKind::Emcy(code)),
             _ => emergency.boot.and_then(|boot| restart(boot, was_operational)),
         },
+        EventKind::Dtc(dtc) => matches!(dtc.action, DtcAction::Raised | DtcAction::Recurred)
+            .then_some(FaultKind::Dtc(dtc.spn, dtc.fmi)),
         EventKind::BootUp { cause, .. } => restart(*cause, was_operational),
         EventKind::NodeLost(_) => Some(FaultKind::NodeLost),
         EventKind::NmtState(change) => nmt_state(change),
@@ -183,6 +189,7 @@ mod tests {
     fn every_kind_has_three_hints() {
         let all = [
             FaultKind::Emcy(0),
+            FaultKind::Dtc(0, 0),
             FaultKind::DeviceState,
             FaultKind::LifeGuard,
             FaultKind::NodeLost,

@@ -77,7 +77,7 @@ pub struct Report {
     pub question: Question,
     /// When something went wrong, if ever.
     pub moment: Option<Moment>,
-    /// Its bus shows no sign of CANopen: it is a fault only if that is what it speaks.
+    /// Its bus shows no sign of CANopen, or J1939: it is a fault only if that is what it speaks.
     pub is_presumed: bool,
     /// The last changes behind that moment, or of the node asked for if there is none; oldest first.
     pub since: Vec<Event>,
@@ -140,7 +140,7 @@ impl Why {
             |bus: &Bus| moment.as_ref().is_some_and(|it| it.node.is_some() && it.bus == bus.index());
         let doubts = buses.iter().filter(|bus| !is_of_bus(bus));
         Report {
-            is_presumed: buses.iter().any(|bus| is_of_bus(bus) && !bus.is_canopen()),
+            is_presumed: buses.iter().any(|bus| is_of_bus(bus) && !is_believed(bus, moment.as_ref())),
             doubts: doubts.filter_map(|bus| Some((bus.index(), doubt(bus)?))).collect(),
             suggestions: self.suggestions(buses, moment.as_ref().and_then(|moment| moment.node), catalogue),
             // Where reading ended early the node may come later.
@@ -183,7 +183,7 @@ impl Why {
     fn moment(&mut self, buses: &[Bus]) -> Option<Moment> {
         let latest = self.question.latest;
         let found = self.buses.iter_mut().filter_map(|watch| {
-            let bus = find(buses, watch.index()).filter(|bus| bus.doubt().is_none())?;
+            let bus = find(buses, watch.index()).filter(|bus| bus.doubt().is_none() || bus.is_j1939())?;
             watch.finish(bus)
         });
         found.reduce(|best, other| {
@@ -257,9 +257,18 @@ impl Why {
     }
 }
 
-/// Why a bus is not taken for CANopen.
+/// Why a bus is not taken for CANopen; `None` too where it is J1939.
 fn doubt(bus: &Bus) -> Option<String> {
-    bus.doubt().or_else(|| (!bus.is_canopen()).then(|| "no sign of it".to_owned()))
+    let is_other = !bus.is_canopen() && !bus.is_j1939();
+    bus.doubt().filter(|_| is_other).or_else(|| is_other.then(|| "no sign of it".to_owned()))
+}
+
+/// Whether the protocol that tells of a fault is believed.
+fn is_believed(bus: &Bus, moment: Option<&Moment>) -> bool {
+    match moment.and_then(|moment| moment.node) {
+        Some(NodeId::J1939(_)) => bus.is_j1939(),
+        _ => bus.is_canopen(),
+    }
 }
 
 fn find(buses: &[Bus], index: BusIndex) -> Option<&Bus> {

@@ -155,7 +155,11 @@ impl Moment {
     pub(super) fn shows_state(&self, event: &Event) -> bool {
         let is_status = matches!(
             event.kind,
-            EventKind::Pdo(_) | EventKind::SetPoint(_) | EventKind::BitsChanged(_) | EventKind::Emcy(_)
+            EventKind::Pdo(_)
+                | EventKind::SetPoint(_)
+                | EventKind::BitsChanged(_)
+                | EventKind::Emcy(_)
+                | EventKind::Dtc(_)
         );
         is_status && event.node == self.node && self.distance(event) == Distance::Together
     }

@@ -20,6 +20,8 @@ pub struct NodeState {
     pub lost: bool,
     /// Codes of active errors.
     pub errors: Vec<u16>,
+    /// SPN and FMI of active trouble codes.
+    pub dtcs: Vec<(u32, u8)>,
     /// Set points seen.
     pub set_points: Vec<PointState>,
 }
@@ -48,6 +50,7 @@ impl NodeState {
             states: states.map(|(channel, state)| (channel, state.name.clone())).collect(),
             lost: node.is_some_and(Node::is_lost),
             errors: node.map_or_else(Vec::new, |node| node.active_errors().to_vec()),
+            dtcs: node.map_or_else(Vec::new, |node| node.active_dtcs().collect()),
             set_points: points.iter().map(|point| PointState::new(point, &gates)).collect(),
         }
     }

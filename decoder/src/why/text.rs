@@ -113,7 +113,11 @@ impl Page<'_> {
             None => format!("bus {}", self.bus_name(moment.bus)),
         };
         let when = self.when(moment);
-        let presumed = if report.is_presumed { ", if this is CANopen" } else { "" };
+        let presumed = match moment.node {
+            Some(NodeId::J1939(_)) if report.is_presumed => ", if this is J1939",
+            _ if report.is_presumed => ", if this is CANopen",
+            _ => "",
+        };
         let at = if moment.time.is_some() && self.setting.first.is_some() { "at" } else { "in" };
         self.line(0, &format!("{fault} {at} {when}, {place}{presumed}"));
     }
@@ -269,13 +273,15 @@ impl Page<'_> {
     }
 }
 
-/// `operational, FAULT HOLD, error 8305`.
+/// `operational, FAULT HOLD, error 8305`, `SPN 298985 FMI 19`.
 fn standing(state: &NodeState) -> String {
-    let mut words = vec![match state.nmt {
-        Some(nmt) if nmt.certainty == Certainty::Confirmed => nmt.state.name().to_owned(),
-        Some(nmt) => format!("{}?", nmt.state.name()),
-        None => "NMT state not seen".to_owned(),
-    }];
+    let mut words = Vec::new();
+    match state.nmt {
+        Some(nmt) if nmt.certainty == Certainty::Confirmed => words.push(nmt.state.name().to_owned()),
+        Some(nmt) => words.push(format!("{}?", nmt.state.name())),
+        None if state.node.canopen().is_some() => words.push("NMT state not seen".to_owned()),
+        None => {}
+    }
     if state.lost {
         words.push("silent".into());
     }
@@ -283,8 +289,10 @@ fn standing(state: &NodeState) -> String {
         let channel = channel.map_or(String::new(), |channel| format!("c{channel} "));
         words.push(format!("{channel}{name}"));
     }
-    for code in &state.errors {
-        words.push(format!("error {code:04X}"));
+    words.extend(state.errors.iter().map(|code| format!("error {code:04X}")));
+    words.extend(state.dtcs.iter().map(|(spn, fmi)| format!("SPN {spn} FMI {fmi}")));
+    if words.is_empty() {
+        words.push("no fault reported".into());
     }
     words.join(", ")
 }

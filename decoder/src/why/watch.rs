@@ -243,8 +243,10 @@ impl BusWatch {
         if let Some(open) = self.open.take() {
             self.keep(open);
         }
-        // Until the bus is believed to be one, what looked like a fault may be no CANopen.
-        let is_sure = bus.is_canopen() || self.found(Grade::Fault).is_some_and(|it| it.node.is_none());
+        // Until the bus is believed to be one, what looked like a fault may be none.
+        let is_sure = bus.is_canopen()
+            || bus.is_j1939()
+            || self.found(Grade::Fault).is_some_and(|it| it.node.is_none());
         self.is_settled = !self.latest && is_sure && self.found(Grade::Fault).is_some();
     }
 

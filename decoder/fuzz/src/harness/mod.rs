@@ -26,7 +26,7 @@ pub use device_file::device_file;
 pub use pipeline::any;
 pub use profile::profile;
 pub use session::{devices, session};
-pub use wire::{emcy, error_control, error_frame, lss, nmt, sdo, sync, time};
+pub use wire::{emcy, error_control, error_frame, lss, nmt, sdo, sync, time, trouble_codes};
 
 /// A target: its name and its function.
 pub type Target = (&'static str, fn(&[u8]));
@@ -41,6 +41,7 @@ pub const TARGETS: &[Target] = &[
     ("any", any),
     ("nmt", nmt),
     ("error_control", error_control),
+    ("trouble_codes", trouble_codes),
     ("sync", sync),
     ("time", time),
     ("emcy", emcy),

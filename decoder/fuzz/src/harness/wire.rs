@@ -1,7 +1,9 @@
 //! Wire parsers: bytes are read where they stand, and what is missing is said consistently.
 
+use cobscope_decoder::profile::lamp_names;
 use cobscope_decoder::wire::canopen::emcy::{ByteOrder, Emcy};
 use cobscope_decoder::wire::canopen::sdo::{Payload, Phase, Sdo, Side};
+use cobscope_decoder::wire::j1939::{SpnConversion, TroubleCodes};
 use cobscope_decoder::wire::{Malformed, canopen, error_frame as error_frames};
 
 /// Payload of a frame: at most what CAN FD carries.
@@ -32,6 +34,25 @@ pub fn error_control(data: &[u8]) {
         Ok(message) => assert_eq!(u8::from(message.toggle) << 7 | message.code, data[0]),
         Err(error) => is_consistent(error, data),
     }
+}
+
+/// DM1 and DM2 of any length, in every way of coding an SPN.
+pub fn trouble_codes(data: &[u8]) {
+    // What a transport of J1939-21 carries at most.
+    let data = data.get(..1785).unwrap_or(data);
+    let list = match TroubleCodes::read(data) {
+        Ok(list) => list,
+        Err(error) => return is_consistent(error, data),
+    };
+    for version in 0..=3 {
+        let conversion = SpnConversion::try_from(version).ok();
+        for code in list.codes(conversion) {
+            assert!(code.spn < 1 << 19 && code.fmi < 32 && code.count.is_none_or(|count| count < 127));
+            assert!(!(code.is_assumed && conversion.is_some()), "{code:?}");
+        }
+        assert!(list.codes(conversion).count() <= (data.len() - 2) / 4);
+    }
+    assert!(lamp_names(list.lamps).count() <= 4);
 }
 
 /// SYNC.

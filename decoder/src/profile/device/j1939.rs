@@ -6,7 +6,7 @@ use super::behaviour::PdoField;
 use crate::profile::formula::formula;
 use crate::profile::layout::PdoDirection;
 use crate::profile::object::Only;
-use crate::wire::j1939::Pgn;
+use crate::wire::j1939::{Pgn, SpnConversion};
 
 /// What holds for the device as a node of J1939.
 #[derive(Debug, Clone, Default, Deserialize)]
@@ -18,12 +18,27 @@ pub struct J1939Spec {
     pub highest_only: bool,
     /// Milliseconds between two DM1 while a fault is active; 0 where the manual does not say.
     pub dm1_period: u32,
+    /// How an SPN is coded where its conversion method bit is set: version 1, 2 or 3.
+    pub spn_conversion: Option<Conversion>,
     /// Faults.
     pub dtc: Vec<TroubleCode>,
     /// Assumption or defect of the manual.
     pub note: String,
     /// Section.
     pub source: String,
+}
+
+/// A version of the conversion method, as files write it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "u8")]
+pub struct Conversion(pub SpnConversion);
+
+impl TryFrom<u8> for Conversion {
+    type Error = &'static str;
+
+    fn try_from(version: u8) -> Result<Self, Self::Error> {
+        SpnConversion::try_from(version).map(Self)
+    }
 }
 
 /// A fault of the device.

@@ -174,6 +174,7 @@ fn trouble_code(dtc: &Dtc, device: &Device, fields: &mut dyn Fields) {
         fields.field("by_silence", FieldValue::Bool(true));
     }
     number("first_frame", dtc.first_frame, fields);
+    number("last_frame", dtc.last_frame, fields);
     if let Some(since) = dtc.since {
         fields.field("since", FieldValue::Seconds(since));
     }

@@ -32,7 +32,7 @@ impl Bus {
         self.routes.refresh_pdos_of(id);
         if id.j1939().is_some() {
             self.j1939.support();
-            self.routes.refresh_messages();
+            self.refresh_messages();
         }
     }
 

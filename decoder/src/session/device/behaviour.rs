@@ -211,6 +211,25 @@ impl Bus {
         self.reassess(id, frame, out);
     }
 
+    /// A trouble code was raised, or came again.
+    pub(in crate::session) fn device_saw_dtc(
+        &mut self,
+        id: NodeId,
+        code: (u32, u8),
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        let time = self.clock.now();
+        let Some(node) = self.node_mut(id) else { return };
+        node.behaviour.dtc = Some(Moment { what: code, frame: frame.number, time });
+        let meant = |trigger: &Trigger| match trigger {
+            Trigger::Dtc(wanted) => wanted.is_none_or(|wanted| wanted == code),
+            _ => false,
+        };
+        self.procedures_saw(id, &meant, frame, out);
+        self.reassess(id, frame, out);
+    }
+
     /// An NMT command was given.
     pub(in crate::session) fn device_saw_nmt(
         &mut self,

@@ -249,10 +249,14 @@ fn why(
         }
     }
     let boot = node.behaviour.boot.filter(|it| is_recent(it, known, now));
-    match (to.fault.then_some(node.behaviour.emcy).flatten().filter(|it| is_recent(it, known, now)), boot) {
-        (Some(emcy), _) => Why { emcy: Some(emcy.what), ..Why::plain(DeviceCause::Emcy, emcy.frame) },
-        (None, Some(boot)) => Why::plain(DeviceCause::BootUp, boot.frame),
-        (None, None) => Why::plain(DeviceCause::NotOnTheBus, 0),
+    let emcy = node.behaviour.emcy.filter(|it| to.fault && is_recent(it, known, now));
+    let leads = |(spn, fmi)| node.device.dtc(spn, fmi).is_some_and(|own| own.reaction == to.name);
+    let dtc = node.behaviour.dtc.filter(|it| (to.fault || leads(it.what)) && is_recent(it, known, now));
+    match (emcy, dtc, boot) {
+        (Some(emcy), ..) => Why { emcy: Some(emcy.what), ..Why::plain(DeviceCause::Emcy, emcy.frame) },
+        (None, Some(dtc), _) => Why::plain(DeviceCause::Dtc, dtc.frame),
+        (None, None, Some(boot)) => Why::plain(DeviceCause::BootUp, boot.frame),
+        (None, None, None) => Why::plain(DeviceCause::NotOnTheBus, 0),
     }
 }
 

@@ -155,6 +155,16 @@ impl Bus {
         }
     }
 
+    /// What devices are, or their addresses, changed: messages mean something else, and none is overdue.
+    pub(in crate::session) fn refresh_messages(&mut self) {
+        for (slot, cadence) in self.routes.refresh_messages() {
+            self.timers.remove(Subject::Message(slot));
+            if let Some(node) = self.node_mut(cadence.node) {
+                node.behaviour.overdue.retain(|overdue| *overdue != cadence.name);
+            }
+        }
+    }
+
     /// What an identifier brings to a device, and how often it must.
     pub(super) fn watch_message(&mut self, slot: usize, cadence: Option<Cadence>) {
         if let Some(slot) = self.routes.slot_mut(slot)

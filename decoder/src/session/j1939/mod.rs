@@ -2,21 +2,31 @@
 //!
 //! ```text
 //! Frame ─▶ priority, group, source, destination ─▶ request, acknowledgement   told as they are
+//!                                               ├▶ address claim              the table of addresses
 //!                                               └▶ any other group            one prepared event an identifier
+//!                                      DM1, DM2, commanded address            of any length: what they say
 //! ```
 
 mod belief;
 mod cadence;
+mod claims;
+mod device;
+mod dtc;
 mod message;
 
 pub(in crate::session) use belief::J1939Belief;
 pub(in crate::session) use cadence::Cadence;
+pub(in crate::session) use claims::Claims;
+pub(in crate::session) use device::J1939State;
 
-use crate::event::{Event, EventKind, J1939Acknowledgement, J1939Request};
+use crate::event::{Event, EventKind, FrameRange, J1939Acknowledgement, J1939Request};
 use crate::frame::{Frame, FrameFlags};
 use crate::session::{Bus, Observer};
-use crate::wire::j1939::{Acknowledgement, J1939Id, NO_ADDRESS, Pgn, request};
+use crate::wire::j1939::{ALL, Acknowledgement, J1939Id, NO_ADDRESS, Pgn, request};
 use crate::wire::{Malformed, NodeId};
+
+/// Control byte of an acknowledgement that says it was done (J1939-21 §5.4.4).
+const DONE: u8 = 0;
 
 impl Bus {
     /// A frame whose identifier is J1939's; `slot` is `None` where too many identifiers are kept apart.
@@ -31,11 +41,37 @@ impl Bus {
         if !self.j1939.is_believed() && !self.is_j1939_followed(id, frame, out) {
             return;
         }
+        if id.pgn == Pgn::ADDRESS_CLAIMED && id.destination == ALL && id.source <= NO_ADDRESS {
+            return self.on_address_claim(id, frame, out);
+        }
         self.j1939_heard(id.source, frame);
         match id.pgn {
             Pgn::REQUEST => self.on_j1939_request(id, frame, out),
             Pgn::ACKNOWLEDGEMENT => self.on_acknowledgement(id, frame, out),
+            Pgn::DM1 | Pgn::DM2 | Pgn::COMMANDED_ADDRESS => {
+                self.on_j1939_message(slot, id, frame, out);
+                if !frame.flags.contains(FrameFlags::REMOTE) {
+                    self.on_j1939_payload(id, frame.data(), FrameRange::one(frame.number), frame, out);
+                }
+            }
             _ => self.on_j1939_message(slot, id, frame, out),
+        }
+    }
+
+    /// The whole payload of a group that says something of addresses or faults, however it travelled:
+    /// `frames` carried it, `frame` is the last of them.
+    pub(in crate::session) fn on_j1939_payload(
+        &mut self,
+        id: J1939Id,
+        payload: &[u8],
+        frames: FrameRange,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        match id.pgn {
+            Pgn::DM1 | Pgn::DM2 => self.on_trouble_codes(id, payload, frames, frame, out),
+            Pgn::COMMANDED_ADDRESS => self.on_commanded_address(id, payload, frames, frame, out),
+            _ => {}
         }
     }
 
@@ -61,7 +97,7 @@ impl Bus {
     }
 
     #[inline]
-    fn j1939_heard(&mut self, source: u8, frame: &Frame) {
+    pub(super) fn j1939_heard(&mut self, source: u8, frame: &Frame) {
         if source >= NO_ADDRESS {
             return;
         }
@@ -94,6 +130,9 @@ impl Bus {
                 let (source, destination) = (id.source, id.destination);
                 let answer = J1939Acknowledgement { message, name, source, destination };
                 self.emit_j1939(frame, id, EventKind::Acknowledgement(answer), out);
+                if message.control == DONE {
+                    self.trouble_codes_cleared(id.source, message.pgn, frame, out);
+                }
             }
             Err(error) => self.malformed_j1939(id, error, "an acknowledgement has eight bytes", frame, out),
         }

@@ -46,6 +46,7 @@ fn state(state: &DeviceState) -> Said {
     let _ = match (state.cause, state.control, state.emcy) {
         (DeviceCause::ControlWord, Some(control), _) => write!(what, ", control {control:02X}{frame}"),
         (DeviceCause::Emcy, _, Some(code)) => write!(what, ", cause EMCY {code:04X}{frame}"),
+        (DeviceCause::Dtc, ..) => write!(what, ", cause fault of DM1{frame}"),
         (DeviceCause::NmtCommand, ..) => write!(what, ", cause NMT command{frame}"),
         (DeviceCause::LifeGuard, ..) => write!(what, ", cause life guarding{frame}"),
         (DeviceCause::BootUp, ..) => write!(what, ", after its start{frame}"),

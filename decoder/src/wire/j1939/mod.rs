@@ -8,10 +8,12 @@
 //!                      ≥ 240   PS belongs to the PGN: PDU2, to all
 //! ```
 
+mod diagnostics;
 mod id;
 mod message;
 mod name;
 
+pub use diagnostics::{Lamps, Lit, ReportedDtc, SpnConversion, TroubleCodes};
 pub use id::{ALL, J1939Id, NO_ADDRESS, Pgn};
 pub use message::{Acknowledgement, commanded_address, request};
 pub use name::{Name, NameFields};

@@ -6,7 +6,7 @@ use cobscope_decoder::statistics::{BusStatistics, CodeCounts, Distribution, Inte
 use cobscope_decoder::wire::NodeId;
 use serde_json::{Value, json};
 
-use super::Report;
+use super::{Report, j1939};
 
 /// Writes the report of one capture.
 pub fn write(report: &Report<'_>, output: &mut String) {
@@ -59,6 +59,7 @@ fn bus_record(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics) -> Val
     json!({
         "bus": bus.name(),
         "canopen": bus.is_canopen(),
+        "j1939": bus.is_j1939(),
         "doubt": bus.doubt(),
         "bit_rate": report.bit_rate(bus),
         "frames": load.frames,
@@ -71,6 +72,7 @@ fn bus_record(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics) -> Val
         "time": master.times,
         "guard_requests": master.guard_requests,
         "nodes": present.map(|(id, node)| node_record(bus, *id, node, end)).collect::<Vec<_>>(),
+        "j1939_devices": j1939::records(bus, statistics),
         "ids": ids.collect::<Vec<_>>(),
     })
 }

@@ -1,5 +1,6 @@
 //! `cobscope stats`: who is on the bus, how often, how late.
 
+mod j1939;
 mod json;
 mod text;
 

@@ -7,9 +7,9 @@ use cobscope_decoder::profile;
 use cobscope_decoder::session::{Bus, Node};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::table::{Align, Table};
-use cobscope_decoder::statistics::{BusStatistics, Distribution, Intervals, NodeStatistics};
+use cobscope_decoder::statistics::{BusStatistics, Distribution, Intervals, NodeStatistics, dtc_of_key};
 
-use super::Report;
+use super::{Report, j1939};
 
 /// Writes the report of one capture.
 pub fn write(report: &Report<'_>, output: &mut String) {
@@ -23,8 +23,9 @@ pub fn write(report: &Report<'_>, output: &mut String) {
         master(statistics, start, &mut text);
         let end = report.statistics.quality.last;
         nodes(bus, statistics, end, start, &mut text);
+        j1939::table(bus, statistics, &mut text);
         sdo(statistics, &mut text);
-        codes(statistics, &mut text);
+        codes(bus, statistics, &mut text);
         ids(bus, statistics, end, start, &mut text);
     }
     for line in text.lines() {
@@ -78,7 +79,9 @@ fn quality(report: &Report<'_>, text: &mut String) {
 
 fn load(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics, start: i64, text: &mut String) {
     let verdict = match (bus.is_canopen(), bus.doubt()) {
+        (true, _) if bus.is_j1939() => "CANopen and J1939".to_owned(),
         (true, _) => "CANopen".to_owned(),
+        (false, _) if bus.is_j1939() => "J1939".to_owned(),
         (false, Some(reason)) => format!("not CANopen: {reason}"),
         (false, None) => "no sign of CANopen".to_owned(),
     };
@@ -266,7 +269,7 @@ fn sdo(statistics: &BusStatistics, text: &mut String) {
     }
 }
 
-fn codes(statistics: &BusStatistics, text: &mut String) {
+fn codes(bus: &Bus, statistics: &BusStatistics, text: &mut String) {
     let mut lines = Vec::new();
     for (id, node) in &statistics.nodes {
         for (code, count) in node.aborts.sorted() {
@@ -277,7 +280,12 @@ fn codes(statistics: &BusStatistics, text: &mut String) {
             let words = profile::emcy_codes().find(code).map_or("no CiA 301 code", |entry| &entry.text);
             lines.push(format!("{:>6}   EMCY {code:04X} {words}: {count}", id.label()));
         }
-        let others = node.aborts.others + node.emcy.others;
+        for (key, count) in node.dtcs.sorted() {
+            let (spn, fmi) = dtc_of_key(key);
+            let words = j1939::dtc_words(bus.node(*id), spn, fmi);
+            lines.push(format!("{:>6}   SPN {spn} FMI {fmi} {words}: {count}", id.label()));
+        }
+        let others = node.aborts.others + node.emcy.others + node.dtcs.others;
         if others > 0 {
             lines.push(format!("{:>6}   further codes: {others}", id.label()));
         }

@@ -122,6 +122,7 @@ impl Page<'_> {
             "lost": state.lost,
             "states": states.collect::<Vec<_>>(),
             "active_errors": errors.collect::<Vec<_>>(),
+            "active_dtcs": state.dtcs.iter().map(|(spn, fmi)| json!({"spn": spn, "fmi": fmi})).collect::<Vec<_>>(),
             "set_points": state.set_points.iter().map(point).collect::<Vec<_>>(),
         })
     }

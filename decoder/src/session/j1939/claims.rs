@@ -1,0 +1,422 @@
+//! Who has which address: claims, contention and commanded addresses.
+//!
+//! What is known of a device belongs to its NAME; the table of addresses is a map over time. Only names the
+//! user gave stay with the address they were given for.
+//!
+//! ```text
+//! claim of address S by NAME N (J1939-81 §4.2.2)
+//!  S is free, or nobody's by NAME   N takes it                 claimed
+//!  N has S                          nothing changes            confirmed
+//!  N has another address            N moves with all it is     claimed, from
+//!  M has S, N is lower              M loses it to N            claimed, contention
+//!  M has S, N is higher             N is without address       lost, contention
+//!  S is 254                         N is without address       cannot-claim
+//! ```
+
+use super::device::J1939State;
+use crate::event::{AddressClaim, ClaimAction, CommandedAddress, Contention, EventKind, FrameRange};
+use crate::frame::{Frame, FrameFlags};
+use crate::session::node::Node;
+use crate::session::{ADDRESSLESS_LIMIT, Bus, COMMANDED_LIMIT, Observer};
+use crate::wire::j1939::{J1939Id, NO_ADDRESS, Name, commanded_address};
+use crate::wire::{Malformed, NodeId};
+
+/// Time within which the holder of an address answers a claim of another one with its own, in nanoseconds
+/// (J1939-81 §4.2.2): who is silent for so long is not there.
+const DEFENCE: i64 = 250_000_000;
+
+/// A claim has eight bytes.
+const CLAIM_BYTES: u8 = 8;
+
+/// An address that a device was told to take.
+#[derive(Debug, Clone, Copy)]
+struct Command {
+    name: Name,
+    address: u8,
+    frame: u64,
+}
+
+/// Devices without an address, and what they were told.
+#[derive(Debug, Clone, Default)]
+pub(in crate::session) struct Claims {
+    /// Devices that lost their address, under that address; the latest last.
+    without_address: Vec<Node>,
+    /// Commands that were not followed yet, the latest last.
+    commands: Vec<Command>,
+    /// Devices given up since it was said.
+    evicted: u64,
+}
+
+impl Claims {
+    /// Address a device without one had last.
+    fn last_address(&self, name: Name) -> Option<u8> {
+        let node = self.without_address.iter().find(|node| node.j1939_name() == Some(name))?;
+        node.id().j1939()
+    }
+
+    fn recall(&mut self, name: Name) -> Option<Node> {
+        let place = self.without_address.iter().position(|node| node.j1939_name() == Some(name))?;
+        Some(self.without_address.remove(place))
+    }
+
+    fn remember(&mut self, node: Node) {
+        if self.without_address.len() >= ADDRESSLESS_LIMIT {
+            self.without_address.remove(0);
+            self.evicted = self.evicted.saturating_add(1);
+        }
+        self.without_address.push(node);
+    }
+
+    /// Notes a command; says whether an old one had to go.
+    fn command(&mut self, command: Command) -> bool {
+        self.commands.retain(|known| known.name != command.name);
+        let is_full = self.commands.len() >= COMMANDED_LIMIT;
+        if is_full {
+            self.commands.remove(0);
+        }
+        self.commands.push(command);
+        is_full
+    }
+
+    /// Frame of the command that a claim follows; 0 for none.
+    fn commanded(&mut self, name: Name, address: u8, action: ClaimAction) -> u64 {
+        if !matches!(action, ClaimAction::Claimed | ClaimAction::Lost) {
+            return 0;
+        }
+        let known = self.commands.iter().position(|command| command.name == name);
+        let Some(command) = known.map(|place| self.commands.remove(place)) else { return 0 };
+        if command.address == address { command.frame } else { 0 }
+    }
+
+    /// Bytes held.
+    pub(in crate::session) fn footprint(&self) -> usize {
+        self.without_address.iter().map(Node::footprint).sum::<usize>()
+            + self.commands.capacity() * size_of::<Command>()
+    }
+}
+
+impl Bus {
+    /// A claim, or the word of a device that finds no address.
+    #[cold]
+    pub(super) fn on_address_claim(&mut self, id: J1939Id, frame: &Frame, out: &mut dyn Observer) {
+        if frame.flags.contains(FrameFlags::REMOTE) {
+            return self.undecoded(frame, None, out);
+        }
+        let name = match (Name::read(frame.data()), frame.data().len()) {
+            (Some(name), 8) => name,
+            (_, length) => {
+                let available = u8::try_from(length).unwrap_or(u8::MAX);
+                let error = Malformed { layer: "address-claim", offset: 0, needed: CLAIM_BYTES, available };
+                return self.malformed_j1939(id, error, "an address claim has eight bytes", frame, out);
+            }
+        };
+        let mut claim =
+            if id.source == NO_ADDRESS { self.without_address(name) } else { self.claimed(name, id.source) };
+        claim.commanded = self.claims.commanded(name, id.source, claim.action);
+        // The frame of a loser says nothing of the device that keeps the address.
+        if matches!(claim.action, ClaimAction::Claimed | ClaimAction::Confirmed) {
+            self.j1939_heard(id.source, frame);
+        }
+        let routine = claim.action == ClaimAction::Confirmed;
+        let mut event = self.j1939_event(frame, id, EventKind::AddressClaim(claim));
+        event.routine = routine;
+        out.event(&event, self);
+        let count = std::mem::take(&mut self.claims.evicted);
+        if count > 0 {
+            self.emit_can(frame, EventKind::Evicted { what: "device without address", count }, out);
+        }
+    }
+
+    /// A commanded address: it comes in two packets.
+    pub(super) fn on_commanded_address(
+        &mut self,
+        id: J1939Id,
+        payload: &[u8],
+        frames: FrameRange,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        let (name, address) = match commanded_address(payload) {
+            Ok(command) => command,
+            Err(error) => {
+                return self.malformed_j1939(id, error, "a commanded address has nine bytes", frame, out);
+            }
+        };
+        let present = self.address_of(name);
+        let evicted = self.claims.command(Command { name, address, frame: frame.number });
+        let command = CommandedAddress { name, address, source: id.source, present };
+        let mut event = self.j1939_event(frame, id, EventKind::CommandedAddress(command));
+        event.frames = frames;
+        out.event(&event, self);
+        if evicted {
+            self.emit_can(frame, EventKind::Evicted { what: "commanded address", count: 1 }, out);
+        }
+    }
+
+    /// What becomes of the claim of an address.
+    fn claimed(&mut self, name: Name, source: u8) -> AddressClaim {
+        let holder = self.node(NodeId::J1939(source)).and_then(Node::j1939_name);
+        let had = self.address_of(name).or_else(|| self.claims.last_address(name));
+        let contention =
+            holder.filter(|it| *it != name).map(|other| Contention { other, winner: other.min(name) });
+        let (action, contention) = match contention {
+            None if holder.is_some() => {
+                self.defended(source);
+                (ClaimAction::Confirmed, None)
+            }
+            Some(contention) if contention.winner != name => {
+                if self.is_undefended(source, name) {
+                    self.take_address(name, source);
+                    (ClaimAction::Claimed, None)
+                } else {
+                    self.leave_address(name);
+                    (ClaimAction::Lost, Some(contention))
+                }
+            }
+            contention => {
+                self.take_address(name, source);
+                (ClaimAction::Claimed, contention)
+            }
+        };
+        let from = had.filter(|had| *had != source);
+        AddressClaim { action, name, source, from, contention, commanded: 0 }
+    }
+
+    /// A device says that it finds no address.
+    fn without_address(&mut self, name: Name) -> AddressClaim {
+        let from = self.address_of(name).or_else(|| self.claims.last_address(name));
+        self.leave_address(name);
+        let action = ClaimAction::CannotClaim;
+        AddressClaim { action, name, source: NO_ADDRESS, from, contention: None, commanded: 0 }
+    }
+
+    /// The holder of an address answered who wanted it.
+    fn defended(&mut self, address: u8) {
+        if let Some(state) = self.node_mut(NodeId::J1939(address)).and_then(|node| node.j1939.as_deref_mut())
+        {
+            state.challenged = None;
+        }
+    }
+
+    /// Whether the holder of an address let an earlier claim of the same NAME stand: it is not there any
+    /// more, whichever NAME is lower. Notes the claim.
+    fn is_undefended(&mut self, address: u8, name: Name) -> bool {
+        let (now, runs) = (self.clock.now(), self.clock.runs());
+        let Some(node) = self.node_mut(NodeId::J1939(address)) else { return false };
+        let challenged = &mut node.j1939_state().challenged;
+        match *challenged {
+            Some((known, since)) if known == name => runs && now.saturating_sub(since) > DEFENCE,
+            _ => {
+                *challenged = Some((name, now));
+                false
+            }
+        }
+    }
+
+    /// Address of the device with a NAME.
+    pub(super) fn address_of(&self, name: Name) -> Option<u8> {
+        self.nodes.iter().find(|node| node.j1939_name() == Some(name)).and_then(|node| node.id().j1939())
+    }
+
+    /// The device with a NAME has an address from now on, with all that is known of it.
+    fn take_address(&mut self, name: Name, address: u8) {
+        let present = self.address_of(name);
+        self.forget_messages(&[present, Some(address)]);
+        let known = match present {
+            Some(present) => self.lift(present),
+            None => self.claims.recall(name),
+        };
+        // One that waited without an address has messages again.
+        if present.is_none() && known.as_ref().is_some_and(|known| known.assigned.is_some()) {
+            self.refresh_messages();
+        }
+        let resident = self.lift(address);
+        let mut node = match (known, resident) {
+            (Some(known), Some(resident)) if resident.j1939_name().is_none() => joined(known, resident),
+            // The capture may have begun behind its first claim.
+            (None, Some(resident)) if resident.j1939_name().is_none() => resident,
+            (known, resident) => {
+                if let Some(resident) = resident {
+                    self.claims.remember(resident);
+                }
+                known.unwrap_or_else(|| Node::new(NodeId::J1939(address), None))
+            }
+        };
+        node.j1939_state().name = Some(name);
+        node.j1939_state().challenged = None;
+        self.settle(address, node);
+    }
+
+    /// The device with a NAME has no address any more; what is known of it waits for its next claim.
+    fn leave_address(&mut self, name: Name) {
+        let Some(present) = self.address_of(name) else { return };
+        self.forget_messages(&[Some(present)]);
+        if let Some(node) = self.lift(present) {
+            self.claims.remember(node);
+        }
+    }
+
+    /// Where a device that moves has a profile, messages mean something else from now on.
+    fn forget_messages(&mut self, addresses: &[Option<u8>]) {
+        let mut nodes = addresses.iter().flatten().filter_map(|address| self.node(NodeId::J1939(*address)));
+        if nodes.any(|node| node.assigned.is_some()) {
+            self.refresh_messages();
+        }
+    }
+
+    /// Takes a device from its address; an unknown one is there then.
+    fn lift(&mut self, address: u8) -> Option<Node> {
+        let id = NodeId::J1939(address);
+        self.node(id)?;
+        let name = self.given_name(id);
+        self.forget_dm1(id);
+        let node = self.node_mut(id)?;
+        Some(std::mem::replace(node, Node::new(id, name)))
+    }
+
+    /// Puts a device to an address.
+    fn settle(&mut self, address: u8, mut node: Node) {
+        let id = NodeId::J1939(address);
+        node.id = id;
+        node.name = self.given_name(id);
+        if let Some(place) = self.node_mut(id) {
+            *place = node;
+        }
+        self.await_dm1(id);
+    }
+}
+
+/// A device comes to an address at which one without NAME is. What the user said of that address holds
+/// for it, unless he said something of the device itself.
+fn joined(known: Node, resident: Node) -> Node {
+    let given = resident.j1939.as_ref().and_then(|state| state.conversion);
+    let (mut node, other) = if known.assigned.is_none() && resident.assigned.is_some() {
+        (resident, known)
+    } else {
+        (known, resident)
+    };
+    let of_other = other.j1939.unwrap_or_default();
+    let state = node.j1939_state();
+    state.conversion = state.conversion.or(given).or(of_other.conversion);
+    if of_other.name.is_some() {
+        state.faults = of_other.faults;
+    }
+    node
+}
+
+impl Node {
+    /// NAME of a J1939 device, once it was seen.
+    pub fn j1939_name(&self) -> Option<Name> {
+        self.j1939.as_ref()?.name
+    }
+
+    /// What is remembered of it as a J1939 device, made if new.
+    pub(in crate::session) fn j1939_state(&mut self) -> &mut J1939State {
+        self.j1939.get_or_insert_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::bus_file::BusFile;
+    use crate::event::Event;
+    use crate::frame::{BusIndex, CanId, Timestamp};
+    use crate::profile::Catalogue;
+    use crate::session::{AssignedBy, Assignment, SessionOptions};
+
+    /// A claim of a NAME with this identity number.
+    fn claim(bus: &mut Bus, number: u64, address: u8, identity: u64) -> AddressClaim {
+        let mut claims = Vec::new();
+        let mut observer = |event: &Event, _: &Bus| {
+            if let EventKind::AddressClaim(claim) = &event.kind {
+                claims.push(claim.clone());
+            }
+        };
+        let id = CanId::extended(0x18EE_FF00 | u32::from(address));
+        let time = Some(Timestamp(i64::try_from(number).unwrap() * 1_000_000));
+        let frame = Frame { number, time, ..Frame::data_frame(id, &identity.to_le_bytes()) };
+        bus.push(&frame, &mut observer);
+        claims.pop().unwrap()
+    }
+
+    fn bus(options: SessionOptions) -> Bus {
+        Bus::new(BusIndex(0), "can0", Arc::new(options))
+    }
+
+    fn device(bus: &Bus, address: u8) -> (Option<&str>, Option<&str>) {
+        let node = bus.node(NodeId::J1939(address)).unwrap();
+        (node.name(), node.device_id())
+    }
+
+    #[test]
+    fn names_stay_with_the_address_and_devices_go_with_the_name() {
+        let device_of_80 = Catalogue::default().device("danfoss-pve-ci:pvea").unwrap();
+        let file =
+            "[node.\"sa:0x80\"]\nname = \"boom\"\n[node.\"sa:0x81\"]\nname = \"slew\"\nspn_conversion = 2";
+        let mut bus = bus(SessionOptions {
+            bus_file: BusFile::parse(file).unwrap(),
+            assignments: vec![Assignment {
+                bus: None,
+                node: NodeId::J1939(0x80),
+                device: device_of_80,
+                by: AssignedBy::Option,
+            }],
+            ..SessionOptions::default()
+        });
+        // It starts at 81; what the user said of 80 holds once it is there.
+        assert_eq!(claim(&mut bus, 1, 0x81, 7).from, None);
+        assert_eq!(device(&bus, 0x81), (Some("slew"), None));
+        assert_eq!(claim(&mut bus, 2, 0x80, 7).from, Some(0x81));
+        assert_eq!(device(&bus, 0x80), (Some("boom"), Some("danfoss-pve-ci:pvea")));
+        let state = bus.node(NodeId::J1939(0x80)).unwrap().j1939.as_deref().unwrap();
+        assert_eq!((state.name, state.conversion.is_some()), (Some(Name(7)), true));
+        // From then on it goes along; a stranger does not inherit it.
+        assert_eq!(claim(&mut bus, 3, 0x82, 7).from, Some(0x80));
+        assert_eq!(device(&bus, 0x82), (None, Some("danfoss-pve-ci:pvea")));
+        assert_eq!(claim(&mut bus, 4, 0x80, 9).from, None);
+        assert_eq!(device(&bus, 0x80), (Some("boom"), None));
+        // Also over a time without an address.
+        assert_eq!(claim(&mut bus, 5, 0x82, 1).contention.unwrap().other, Name(7));
+        assert_eq!(device(&bus, 0x82), (None, None));
+        assert_eq!(claim(&mut bus, 6, 0x83, 7).from, Some(0x82));
+        assert_eq!(device(&bus, 0x83), (None, Some("danfoss-pve-ci:pvea")));
+    }
+
+    #[test]
+    fn a_claim_follows_a_command() {
+        let mut bus = bus(SessionOptions::default());
+        claim(&mut bus, 1, 0x80, 7);
+        let mut told = Vec::new();
+        let mut observer = |event: &Event, _: &Bus| told.push((event.frames, event.kind.clone()));
+        let payload = [7, 0, 0, 0, 0, 0, 0, 0, 0x85];
+        // 1CFED8F9: commanded address (FED8) of F9, in frames 2 to 4.
+        let id = J1939Id::of(0x1CFE_D8F9).unwrap();
+        let frame = Frame { number: 4, ..Frame::EMPTY };
+        let frames = FrameRange { first: 2, last: 4 };
+        bus.on_j1939_payload(id, &payload, frames, &frame, &mut observer);
+        let command = CommandedAddress { name: Name(7), address: 0x85, source: 0xF9, present: Some(0x80) };
+        match &told[..] {
+            [(range, EventKind::CommandedAddress(found))] => assert_eq!((*range, found), (frames, &command)),
+            other => panic!("{other:?}"),
+        }
+        let followed = claim(&mut bus, 5, 0x85, 7);
+        assert_eq!((followed.commanded, followed.from), (4, Some(0x80)));
+        // A command is followed once, and by its address only.
+        assert_eq!(claim(&mut bus, 6, 0x80, 7).commanded, 0);
+        bus.on_j1939_payload(id, &payload, frames, &frame, &mut |_: &Event, _: &Bus| {});
+        assert_eq!(claim(&mut bus, 7, 0x86, 7).commanded, 0);
+    }
+
+    #[test]
+    fn commands_that_nobody_follows_are_given_up() {
+        let mut claims = Claims::default();
+        let mut evicted = 0;
+        for name in 0..200 {
+            evicted += usize::from(claims.command(Command { name: Name(name), address: 0x80, frame: 1 }));
+        }
+        assert_eq!((evicted, claims.commands.len()), (200 - COMMANDED_LIMIT, COMMANDED_LIMIT));
+    }
+}

@@ -1,0 +1,214 @@
+//! Diagnostic trouble codes as DM1 and DM2 carry them.
+//!
+//! ```text
+//! byte 0         1         2    3    4              5              6 ...
+//!      lamps     flash     SPN  SPN  SPN 3 | FMI 5  CM | count 7   the next one, or FF FF
+//!      MIL  RSL  AWL  PL   two bits each, from bit 7 down (J1939-73 §5.7.1)
+//! ```
+
+use crate::wire::Malformed;
+
+/// Bytes before the first code.
+const LAMP_BYTES: usize = 2;
+
+/// Occurrence count that says none (J1939-73 §5.7.1.13).
+const NOT_AVAILABLE: u8 = 127;
+
+/// How the bits of an SPN are ordered where its conversion method bit is set (J1939-73 §5.7.1.11). The
+/// message does not tell which of the three it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SpnConversion {
+    /// Bits 18..11, 10..3, 2..0 in the order of the bytes.
+    Version1,
+    /// Bits 10..3, 18..11, 2..0.
+    Version2,
+    /// Bits 7..0, 15..8, 18..16: as without the bit.
+    Version3,
+}
+
+/// `1`, `2`, `3`.
+impl TryFrom<u8> for SpnConversion {
+    type Error = &'static str;
+
+    fn try_from(version: u8) -> Result<Self, Self::Error> {
+        match version {
+            1 => Ok(Self::Version1),
+            2 => Ok(Self::Version2),
+            3 => Ok(Self::Version3),
+            _ => Err("spn_conversion is 1, 2 or 3"),
+        }
+    }
+}
+
+/// Lamps and how they flash: four fields of two bits each, from bit 7 down.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Lamps {
+    /// 1 is lit, 0 is not, 2 is an error of the lamp, 3 is none.
+    pub status: u8,
+    /// 0 flashes with 1 Hz, 1 with 2 Hz or faster, 3 does not.
+    pub flash: u8,
+}
+
+/// How a lamp is lit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Lit {
+    /// Without flashing.
+    Steady,
+    /// 1 Hz.
+    Slow,
+    /// 2 Hz or faster.
+    Fast,
+}
+
+impl Lamps {
+    /// How the lamp whose field begins at bit `shift` is lit; `None` where it is not, or is none.
+    pub fn lit(self, shift: u8) -> Option<Lit> {
+        let field = |byte: u8| byte.checked_shr(u32::from(shift)).unwrap_or(0) & 3;
+        match (field(self.status), field(self.flash)) {
+            (1, 0) => Some(Lit::Slow),
+            (1, 1) => Some(Lit::Fast),
+            (1, _) => Some(Lit::Steady),
+            _ => None,
+        }
+    }
+}
+
+/// One code as a list reports it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ReportedDtc {
+    /// Suspect parameter, 19 bits.
+    pub spn: u32,
+    /// Failure mode, 5 bits.
+    pub fmi: u8,
+    /// Occurrences, 0..=126; `None` where the device does not count.
+    pub count: Option<u8>,
+    /// The conversion method bit is set, and which of the older ways it means is assumed.
+    pub is_assumed: bool,
+}
+
+impl ReportedDtc {
+    /// Reads four bytes; `None` where they say that there is no code.
+    fn read([first, second, third, fourth]: [u8; 4], conversion: Option<SpnConversion>) -> Option<Self> {
+        let is_old = fourth & 0x80 != 0;
+        let top = u32::from(third >> 5);
+        let (first, second) = (u32::from(first), u32::from(second));
+        let spn = match conversion.filter(|_| is_old) {
+            Some(SpnConversion::Version1) => first << 11 | second << 3 | top,
+            Some(SpnConversion::Version2) => second << 11 | first << 3 | top,
+            Some(SpnConversion::Version3) | None => top << 16 | second << 8 | first,
+        };
+        let fmi = third & 0x1F;
+        let count = fourth & 0x7F;
+        let is_none = matches!((spn, fmi), (0, 0) | (0x7_FFFF, 0x1F));
+        (!is_none).then_some(Self {
+            spn,
+            fmi,
+            count: (count != NOT_AVAILABLE).then_some(count),
+            is_assumed: is_old && conversion.is_none(),
+        })
+    }
+}
+
+/// A list of trouble codes: the content of DM1, DM2 and their like.
+#[derive(Debug, Clone, Copy)]
+pub struct TroubleCodes<'a> {
+    /// Lamps of all codes together.
+    pub lamps: Lamps,
+    codes: &'a [u8],
+}
+
+impl<'a> TroubleCodes<'a> {
+    /// Reads the payload of one message.
+    ///
+    /// # Errors
+    /// Fewer than six bytes: lamps and one code, or its absence.
+    pub fn read(payload: &'a [u8]) -> Result<Self, Malformed> {
+        match (payload, payload.get(LAMP_BYTES..)) {
+            ([status, flash, _, _, _, _, ..], Some(codes)) => {
+                Ok(Self { lamps: Lamps { status: *status, flash: *flash }, codes })
+            }
+            _ => Err(Malformed {
+                layer: "trouble-codes",
+                offset: 0,
+                needed: 6,
+                available: u8::try_from(payload.len()).unwrap_or(u8::MAX),
+            }),
+        }
+    }
+
+    /// Its codes in order. Fewer than four bytes at the end are filling.
+    pub fn codes(&self, conversion: Option<SpnConversion>) -> impl Iterator<Item = ReportedDtc> + use<'a> {
+        let (codes, _) = self.codes.as_chunks();
+        codes.iter().filter_map(move |code| ReportedDtc::read(*code, conversion))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn codes(payload: &[u8], conversion: Option<SpnConversion>) -> Vec<(u32, u8, Option<u8>, bool)> {
+        let list = TroubleCodes::read(payload).unwrap();
+        list.codes(conversion).map(|it| (it.spn, it.fmi, it.count, it.is_assumed)).collect()
+    }
+
+    #[test]
+    fn codes_of_a_manual() {
+        // The PVE's manual prints them backwards: 0x938FE9 is E9 8F 93. 0x93 = 100 10011: top bits 4, FMI 19;
+        // 4 << 16 | 0x8FE9 = 298985.
+        assert_eq!(codes(&[4, 0xFF, 0xE9, 0x8F, 0x93, 1, 0xFF, 0xFF], None), [(298_985, 19, Some(1), false)]);
+        // 0x878FEC: 0x87 = 100 00111, FMI 7. 0x030273: 0x03 = 000 00011, SPN 0x0273 = 627.
+        let both = [0, 0xFF, 0xEC, 0x8F, 0x87, 126, 0x73, 0x02, 0x03, 127];
+        assert_eq!(codes(&both, None), [(298_988, 7, Some(126), false), (627, 3, None, false)]);
+    }
+
+    #[test]
+    fn no_fault_is_no_code() {
+        assert_eq!(codes(&[0, 0xFF, 0, 0, 0, 0, 0xFF, 0xFF], None), []);
+        assert_eq!(codes(&[0xFF; 8], None), []);
+        // A count alone names no fault; a failure mode alone does.
+        assert_eq!(codes(&[0, 0xFF, 0, 0, 0, 5, 0xFF, 0xFF], None), []);
+        assert_eq!(codes(&[0, 0xFF, 0, 0, 3, 0, 0xFF, 0xFF], None), [(0, 3, Some(0), false)]);
+    }
+
+    #[test]
+    fn three_older_ways_to_code_an_spn() {
+        // SPN 298985 = 100 1000 1111 1110 1001: bits 18..11 are 1001 0001 (91), 10..3 are 1111 1101 (FD),
+        // 2..0 are 001. FMI 19 = 10011, so byte 3 is 001 10011 = 33. The fourth has the bit and count 2.
+        let one = [0, 0xFF, 0x91, 0xFD, 0x33, 0x82];
+        let two = [0, 0xFF, 0xFD, 0x91, 0x33, 0x82];
+        let three = [0, 0xFF, 0xE9, 0x8F, 0x93, 0x82];
+        let read = |payload, version| codes(payload, SpnConversion::try_from(version).ok());
+        for (payload, version) in [(&one, 1), (&two, 2), (&three, 3)] {
+            assert_eq!(read(payload, version), [(298_985, 19, Some(2), false)], "{version}");
+        }
+        // Not told: today's way, assumed.
+        assert_eq!(codes(&three, None), [(298_985, 19, Some(2), true)]);
+        // Without the bit nothing is converted.
+        assert_eq!(read(&[0, 0xFF, 0xE9, 0x8F, 0x93, 2], 1), [(298_985, 19, Some(2), false)]);
+        assert!(SpnConversion::try_from(4).is_err() && SpnConversion::try_from(0).is_err());
+    }
+
+    #[test]
+    fn lamps_of_two_bits() {
+        // 01 00 01 01: malfunction, amber warning and protect lit; flash 00 11 01 11: slow, none, fast, none.
+        let lamps = Lamps { status: 0b0100_0101, flash: 0b0011_0111 };
+        assert_eq!(
+            [6, 4, 2, 0].map(|shift| lamps.lit(shift)),
+            [Some(Lit::Slow), None, Some(Lit::Fast), Some(Lit::Steady)]
+        );
+        // 3 is no lamp at all, 2 one that is broken.
+        assert_eq!(Lamps { status: 0b1110, flash: 0 }.lit(0), None);
+        assert_eq!(Lamps { status: 0b1110, flash: 0 }.lit(2), None);
+        assert_eq!(lamps.lit(8), None);
+    }
+
+    #[test]
+    fn too_few_bytes() {
+        let error = TroubleCodes::read(&[0, 0xFF, 0, 0, 0]).unwrap_err();
+        assert_eq!((error.needed, error.available), (6, 5));
+        assert!(TroubleCodes::read(&[]).is_err());
+        // A rest shorter than a code is filling.
+        assert_eq!(codes(&[0, 0xFF, 0x73, 2, 3, 1, 0x73, 2, 3], None).len(), 1);
+    }
+}

@@ -1,0 +1,96 @@
+//! J1939 devices in statistics: who had which address, and what they reported.
+
+use cobscope_decoder::profile;
+use cobscope_decoder::session::{Bus, Node};
+use cobscope_decoder::sink::table::{Align, Table};
+use cobscope_decoder::statistics::{BusStatistics, dtc_of_key};
+use cobscope_decoder::wire::NodeId;
+use serde_json::{Value, json};
+
+/// One row an address that sent anything: addresses as they are at the end.
+pub(super) fn table(bus: &Bus, statistics: &BusStatistics, text: &mut String) {
+    if !bus.is_j1939() {
+        return;
+    }
+    let mut table = Table::new(&[
+        ("SA", Align::Right),
+        ("name", Align::Left),
+        ("NAME", Align::Left),
+        ("maker", Align::Right),
+        ("function", Align::Right),
+        ("industry", Align::Left),
+        ("claims", Align::Right),
+        ("groups", Align::Right),
+        ("frames", Align::Right),
+        ("faults", Align::Right),
+        ("active", Align::Right),
+    ]);
+    for (address, figures) in statistics.addresses() {
+        let id = NodeId::J1939(address);
+        let (known, counted) = (bus.node(id), statistics.nodes.get(&id));
+        let name = known.and_then(Node::j1939_name);
+        let part = |part: Option<u32>| part.map_or("–".to_owned(), |part| part.to_string());
+        let parts = name.map(|name| name.fields());
+        let industry = parts.map_or("", |parts| industry(parts.industry_group));
+        table.row([
+            id.label(),
+            known.and_then(|node| node.name()).unwrap_or("").to_owned(),
+            name.map_or("not seen".to_owned(), |name| format!("{:016X}", name.0)),
+            part(parts.map(|parts| parts.manufacturer_code.into())),
+            part(parts.map(|parts| parts.function.into())),
+            industry.to_owned(),
+            counted.map_or(0, |node| node.claims).to_string(),
+            figures.groups.len().to_string(),
+            figures.frames.to_string(),
+            counted.map_or(0, |node| node.dtcs.total()).to_string(),
+            known.map_or(0, |node| node.active_dtcs().count()).to_string(),
+        ]);
+    }
+    if !table.is_empty() {
+        text.push_str("\n J1939 devices\n");
+        table.write(1, text);
+    }
+}
+
+/// The same as records.
+pub(super) fn records(bus: &Bus, statistics: &BusStatistics) -> Vec<Value> {
+    if !bus.is_j1939() {
+        return Vec::new();
+    }
+    let record = |(address, figures): (u8, cobscope_decoder::statistics::AddressStatistics)| {
+        let id = NodeId::J1939(address);
+        let (known, counted) = (bus.node(id), statistics.nodes.get(&id));
+        let name = known.and_then(Node::j1939_name);
+        let parts = name.map(|name| name.fields());
+        let faults = counted.into_iter().flat_map(|node| node.dtcs.sorted()).map(|(key, count)| {
+            let (spn, fmi) = dtc_of_key(key);
+            json!({"spn": spn, "fmi": fmi, "raised": count})
+        });
+        let active = known.into_iter().flat_map(Node::active_dtcs);
+        json!({
+            "address": address,
+            "name": known.and_then(|node| node.name()),
+            "device": known.and_then(|node| node.device_id()),
+            "j1939_name": name.map(|name| format!("0x{:016X}", name.0)),
+            "manufacturer_code": parts.map(|parts| parts.manufacturer_code),
+            "function": parts.map(|parts| parts.function),
+            "industry_group": parts.map(|parts| parts.industry_group),
+            "claims": counted.map_or(0, |node| node.claims),
+            "groups": figures.groups.iter().map(|group| group.number()).collect::<Vec<_>>(),
+            "frames": figures.frames,
+            "dtcs": faults.collect::<Vec<_>>(),
+            "dtcs_active": active.map(|(spn, fmi)| json!({"spn": spn, "fmi": fmi})).collect::<Vec<_>>(),
+        })
+    };
+    statistics.addresses().into_iter().map(record).collect()
+}
+
+/// What a trouble code means, by the device's manual or by its failure mode.
+pub(super) fn dtc_words(node: Option<&Node>, spn: u32, fmi: u8) -> String {
+    let own = node.and_then(|node| node.device().dtc(spn, fmi)).map(|own| own.text.clone());
+    own.unwrap_or_else(|| profile::failure_modes().text(u32::from(fmi)).to_owned())
+}
+
+fn industry(group: u8) -> &'static str {
+    profile::industry_groups().text_of(u32::from(group)).unwrap_or("reserved")
+}
