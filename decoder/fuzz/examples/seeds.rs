@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use cobscope_decoder::capture::{Batch, ReadOptions, Reader};
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags};
+use cobscope_decoder::wire::isotp::{Addresses, IsoTp, parse};
 use cobscope_fuzz::harness::session::encode;
 
 /// Frames of a capture that are used, and how many become one seed of the session: long ones slow the
@@ -71,6 +72,13 @@ fn payload(corpus: &Path, frame: &Frame) -> std::io::Result<()> {
         CanId::Extended(id) if frame.flags.contains(FrameFlags::ERROR) => {
             let bytes = [&id.to_le_bytes()[..], data].concat();
             return put(corpus, "error_frame", &format!("{id:x}_{name}"), &bytes);
+        }
+        CanId::Extended(id) if Addresses::of(id).is_some() => {
+            if let Ok(IsoTp::Single { data } | IsoTp::First { data, .. }) = parse(data, data.len()) {
+                let name = data.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
+                put(corpus, "uds", &format!("p{name}"), data)?;
+            }
+            "isotp"
         }
         CanId::Extended(_) => return Ok(()),
         CanId::Standard(0) => "nmt",

@@ -1,11 +1,15 @@
 //! Codes and bits with their texts.
 
+mod uds;
+
 use std::sync::OnceLock;
 
 use serde::Deserialize;
 
 use super::parse;
 use crate::wire::j1939::{Lamps, Lit, Pgn};
+
+pub use uds::{UdsCode, UdsNames, UdsService, ValueIn, uds};
 
 /// One code of a table.
 #[derive(Debug, Clone, Deserialize)]

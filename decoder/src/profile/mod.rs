@@ -34,8 +34,9 @@ pub use layout::{
     BitOrder, Carrier, Field, Layout, PdoDirection, PdoName, RawValue, Selector, Signal, SignalId,
 };
 pub use lookup::{
-    Bits, CanErrors, Code, Codes, LssNames, abort_codes, can_errors, emcy_codes, error_register,
-    failure_modes, fault_hints, industry_groups, lamp_names, lss, pgn_name, transport_aborts,
+    Bits, CanErrors, Code, Codes, LssNames, UdsCode, UdsNames, UdsService, ValueIn, abort_codes, can_errors,
+    emcy_codes, error_register, failure_modes, fault_hints, industry_groups, lamp_names, lss, pgn_name, transport_aborts,
+    uds,
 };
 
 pub use meaning::{Factor, Meaning, bit_words, integer, word};

@@ -6,8 +6,10 @@
 
 pub mod canopen;
 pub mod error_frame;
+pub mod isotp;
 pub mod j1939;
 mod node_id;
+pub mod uds;
 
 pub use node_id::{NODE_PLACES, NodeId};
 

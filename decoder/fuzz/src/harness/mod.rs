@@ -26,7 +26,9 @@ pub use device_file::device_file;
 pub use pipeline::any;
 pub use profile::profile;
 pub use session::{devices, session};
-pub use wire::{emcy, error_control, error_frame, lss, nmt, sdo, sync, time, trouble_codes};
+pub use wire::{
+    emcy, error_control, error_frame, isotp, lss, nmt, sdo, sync, time, trouble_codes, uds,
+};
 
 /// A target: its name and its function.
 pub type Target = (&'static str, fn(&[u8]));
@@ -47,6 +49,8 @@ pub const TARGETS: &[Target] = &[
     ("emcy", emcy),
     ("sdo", sdo),
     ("lss", lss),
+    ("isotp", isotp),
+    ("uds", uds),
     ("error_frame", error_frame),
     ("session", session),
     ("devices", devices),

@@ -1,10 +1,14 @@
 //! Wire parsers: bytes are read where they stand, and what is missing is said consistently.
 
-use cobscope_decoder::profile::lamp_names;
+use cobscope_decoder::profile::{self, lamp_names};
 use cobscope_decoder::wire::canopen::emcy::{ByteOrder, Emcy};
 use cobscope_decoder::wire::canopen::sdo::{Payload, Phase, Sdo, Side};
+use cobscope_decoder::wire::isotp::{Addresses, IsoTp};
 use cobscope_decoder::wire::j1939::{SpnConversion, TroubleCodes};
-use cobscope_decoder::wire::{Malformed, canopen, error_frame as error_frames};
+use cobscope_decoder::wire::uds::Uds;
+use cobscope_decoder::wire::{
+    Malformed, canopen, error_frame as error_frames, isotp as transport, uds as diagnostics,
+};
 
 /// Payload of a frame: at most what CAN FD carries.
 fn payload(data: &[u8]) -> &[u8] {
@@ -130,6 +134,66 @@ pub fn lss(data: &[u8]) {
             Ok(message) => assert_eq!(message.command, data[0]),
             Err(error) => is_consistent(error, data),
         }
+    }
+}
+
+/// ISO-TP with normal and with extended addressing, and the addresses of an identifier made of the same bytes.
+pub fn isotp(data: &[u8]) {
+    let frame = payload(data);
+    for data in [frame, frame.get(1..).unwrap_or_default()] {
+        match transport::parse(data, frame.len()) {
+            Ok(message) => isotp_message(message, data),
+            Err(error) => is_consistent(error, data),
+        }
+    }
+    if let Some(id) = data.first_chunk()
+        && let Some(found) = Addresses::of(u32::from_le_bytes(*id) & 0x1FFF_FFFF)
+    {
+        assert!(found.source < 1 << 11 && found.target < 1 << 11 && found.priority < 8);
+    }
+}
+
+fn isotp_message(message: IsoTp<'_>, data: &[u8]) {
+    match message {
+        IsoTp::Single { data: message } => {
+            let begin = if data[0] == 0 { 2 } else { 1 };
+            assert_eq!(data.get(begin..begin + message.len()), Some(message));
+            assert!(!message.is_empty());
+        }
+        IsoTp::First { size, data: begun } => {
+            assert!(data.ends_with(begun) && !begun.is_empty());
+            assert!(usize::try_from(size).unwrap() > begun.len());
+        }
+        IsoTp::Consecutive { sequence, data: more } => {
+            assert!(sequence < 16 && data.get(1..) == Some(more) && !more.is_empty());
+        }
+        IsoTp::FlowControl(control) => {
+            assert!((100_000..=127_000_000).contains(&control.separation().max(100_000)))
+        }
+        IsoTp::Unknown { control } => assert_eq!(control, data[0]),
+    }
+}
+
+/// UDS messages, with what the table of services says of them.
+pub fn uds(data: &[u8]) {
+    let (service, rest, is_response) = match diagnostics::parse(data) {
+        Ok(Uds::Request { service, data: rest }) => (service, rest, false),
+        Ok(Uds::Positive { service, data: rest }) => (service, rest, true),
+        Ok(Uds::Negative { service, code }) => {
+            return assert_eq!(data.get(..3), Some(&[0x7F, service, code][..]));
+        }
+        Err(error) => return is_consistent(error, data),
+    };
+    assert_eq!((data[0] & 0xBF, data[0] & 0x40 != 0), (service, is_response));
+    assert_eq!(data.get(1..), Some(rest));
+    let Some(entry) = profile::uds().service(service) else { return };
+    let shape = if is_response { entry.response() } else { entry.request() };
+    assert!(rest.ends_with(shape.record(rest)));
+    let [first, second] =
+        [ByteOrder::MsbFirst, ByteOrder::LsbFirst].map(|order| shape.identifier(rest, order));
+    assert_eq!(first.is_some(), second.is_some());
+    if let Some(sub_function) = shape.sub_function(rest) {
+        assert_eq!(sub_function.value | u8::from(sub_function.suppress_response) << 7, rest[0]);
     }
 }
 

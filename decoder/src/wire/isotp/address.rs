@@ -1,0 +1,99 @@
+//! Sender and receiver in a 29-bit identifier: the two schemes that need no table.
+//!
+//! ```text
+//! bit 28..26    25    24   23..........16  15..........8  7............0
+//! priority      0     0    DA or DB        target         source           normal fixed (ISO 15765-2 §10.3.3)
+//! priority      1     1    22 22  21..........11          10...........0
+//!               EDP   DP   type   source: net, node       target: net, node   with nets (ISO 15765-3)
+//! ```
+
+/// How an identifier holds its addresses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Scheme {
+    /// Source and target of eight bits; PF tells one receiver from a group of them.
+    NormalFixed,
+    /// Source and target of three bits net and eight bits node; EDP and DP are set.
+    Net,
+}
+
+/// Sender and receiver of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Addresses {
+    /// How they were found.
+    pub scheme: Scheme,
+    /// Bits 28..26 of the identifier: 0 goes first.
+    pub priority: u8,
+    /// Type of service, two bits; 0 with normal fixed addresses.
+    pub service_type: u8,
+    /// Whether the target is a group (PF 0xDB).
+    pub functional: bool,
+    /// Sender: net in bits 10..8, node in 7..0.
+    pub source: u16,
+    /// Receiver: net in bits 10..8, node in 7..0.
+    pub target: u16,
+}
+
+/// EDP and DP: bits 25 and 24.
+const PAGES: u32 = 0x0300_0000;
+
+impl Addresses {
+    /// The addresses in a 29-bit identifier; `None` where it follows neither scheme.
+    pub fn of(id: u32) -> Option<Self> {
+        let field =
+            |shift: u32, bits: u32| u16::try_from(id >> shift & ((1 << bits) - 1)).unwrap_or_default();
+        let small = |shift: u32, mask: u32| u8::try_from(id >> shift & mask).unwrap_or_default();
+        let priority = small(26, 7);
+        match (id & PAGES, id >> 16 & 0xFF) {
+            (0, format @ (0xDA | 0xDB)) => Some(Self {
+                scheme: Scheme::NormalFixed,
+                priority,
+                service_type: 0,
+                functional: format == 0xDB,
+                source: field(0, 8),
+                target: field(8, 8),
+            }),
+            (PAGES, _) => Some(Self {
+                scheme: Scheme::Net,
+                priority,
+                service_type: small(22, 3),
+                functional: false,
+                source: field(11, 11),
+                target: field(0, 11),
+            }),
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn normal_fixed() {
+        // 18DA20F1: priority 6, PF DA, target 20, source F1.
+        let found = Addresses::of(0x18DA_20F1).unwrap();
+        assert_eq!((found.scheme, found.priority, found.functional), (Scheme::NormalFixed, 6, false));
+        assert_eq!((found.source, found.target), (0xF1, 0x20));
+        let group = Addresses::of(0x18DB_33F1).unwrap();
+        assert_eq!((group.functional, group.source, group.target), (true, 0xF1, 0x33));
+        // Another priority is the same pair; DP or EDP set is another PGN.
+        assert_eq!(Addresses::of(0x0CDA_20F1).map(|found| found.target), Some(0x20));
+        for id in [0x19DA_20F1, 0x1ADA_20F1, 0x18EF_20F1, 0x18DC_20F1] {
+            assert_eq!(Addresses::of(id), None, "{id:08X}");
+        }
+    }
+
+    #[test]
+    fn with_nets() {
+        // 1BC78820 = 110 1 1 11 00011110001 00000100000: priority 6, type 3, source F1, target 20, both on net 0.
+        let found = Addresses::of(0x1BC7_8820).unwrap();
+        assert_eq!((found.scheme, found.priority, found.service_type), (Scheme::Net, 6, 3));
+        assert_eq!((found.source, found.target), (0xF1, 0x20));
+        // Its answer: 1BC100F1 = 110 1 1 11 00000100000 00011110001.
+        let answer = Addresses::of(0x1BC1_00F1).unwrap();
+        assert_eq!((answer.source, answer.target), (0x20, 0xF1));
+        // Net 1 of the source is bit 19.
+        assert_eq!(Addresses::of(0x1BCF_8820).map(|found| found.source), Some(0x1F1));
+    }
+}

@@ -1,0 +1,251 @@
+//! ISO-TP (ISO 15765-2): messages longer than a frame, over two identifiers.
+//!
+//! ```text
+//! byte 0       bytes 1..
+//! 0L           L bytes, 1..=7                            single frame
+//! 00 LL        LL bytes, 8 and more (CAN FD only)        single frame, escape
+//! 1L LL        size of 12 bits, the first bytes          first frame
+//! 10 00        size of 32 bits, the first bytes          first frame, escape
+//! 2N           the next bytes; N counts 1..=15, 0, 1 …   consecutive frame
+//! 3S BS ST     S: 0 continue, 1 wait, 2 overflow         flow control, from the receiver
+//! ```
+//!
+//! With extended or mixed addressing an address stands before byte 0; the caller takes it off.
+
+mod address;
+
+pub use address::{Addresses, Scheme};
+
+use super::Malformed;
+
+/// One frame of ISO-TP.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum IsoTp<'a> {
+    /// A whole message.
+    Single {
+        /// The message; padding is left out.
+        data: &'a [u8],
+    },
+    /// The beginning of a message.
+    First {
+        /// Bytes of the whole message.
+        size: u32,
+        /// The first of them.
+        data: &'a [u8],
+    },
+    /// More of a message.
+    Consecutive {
+        /// 0..=15; the one after the first frame has 1.
+        sequence: u8,
+        /// The next bytes; those of the last frame may end with padding.
+        data: &'a [u8],
+    },
+    /// What the receiver says of the rest.
+    FlowControl(FlowControl),
+    /// A protocol control byte the standard does not define, or a size it reserves.
+    Unknown {
+        /// The byte.
+        control: u8,
+    },
+}
+
+/// Flow control of the receiver (§9.6.5).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FlowControl {
+    /// What the sender is to do.
+    pub status: FlowStatus,
+    /// Consecutive frames up to the next flow control; 0 = all of them.
+    pub block_size: u8,
+    /// Least pause between consecutive frames as it is sent; see [`FlowControl::separation`].
+    pub separation_time: u8,
+}
+
+impl FlowControl {
+    /// Least pause between consecutive frames in nanoseconds (§9.6.5.4): 0..=127 ms, or F1..=F9 for 100 to
+    /// 900 µs. A reserved value counts as 127 ms.
+    pub const fn separation(self) -> i64 {
+        match self.separation_time {
+            milliseconds @ 0..=0x7F => milliseconds as i64 * 1_000_000,
+            tenths @ 0xF1..=0xF9 => (tenths & 0x0F) as i64 * 100_000,
+            _ => 127_000_000,
+        }
+    }
+}
+
+/// What a receiver asks of the sender (§9.6.5.2).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FlowStatus {
+    /// Send on.
+    Continue,
+    /// Wait for another flow control.
+    Wait,
+    /// The message is too long for the receiver, which takes none of it.
+    Overflow,
+}
+
+/// What is reported of missing bytes.
+const LAYER: &str = "isotp";
+
+/// Longest frame of classical CAN: beyond it a single frame says its size in the second byte.
+const CLASSICAL: usize = 8;
+
+/// Reads one frame. `data` begins with the protocol control byte; `length` is that of the whole frame, an
+/// address before it included.
+///
+/// # Errors
+/// When the frame is shorter than its control bytes or, for a single frame, than the message it announces.
+pub fn parse(data: &[u8], length: usize) -> Result<IsoTp<'_>, Malformed> {
+    let [control, rest @ ..] = data else { return Err(Malformed::at(LAYER, 0, 1, 0)) };
+    match control >> 4 {
+        0 => single(*control, data, rest, length),
+        1 => first(*control, data, rest),
+        2 if rest.is_empty() => Err(Malformed::at(LAYER, 1, 1, data.len())),
+        2 => Ok(IsoTp::Consecutive { sequence: control & 0x0F, data: rest }),
+        3 => flow_control(*control, data, rest),
+        _ => Ok(IsoTp::Unknown { control: *control }),
+    }
+}
+
+fn single<'a>(control: u8, data: &[u8], rest: &'a [u8], length: usize) -> Result<IsoTp<'a>, Malformed> {
+    // §9.6.2.1: a frame of more than eight bytes says its size in the second byte, any other in the first.
+    let (size, rest, offset) = match rest {
+        [size, rest @ ..] if length > CLASSICAL && control == 0 => (*size, rest, 2),
+        _ if length > CLASSICAL => return Ok(IsoTp::Unknown { control }),
+        _ => (control, rest, 1),
+    };
+    if size == 0 {
+        return Ok(IsoTp::Unknown { control });
+    }
+    let size = usize::from(size);
+    let data = rest.get(..size).ok_or_else(|| Malformed::at(LAYER, offset, size, data.len()))?;
+    Ok(IsoTp::Single { data })
+}
+
+fn first<'a>(control: u8, data: &[u8], rest: &'a [u8]) -> Result<IsoTp<'a>, Malformed> {
+    let [low, rest @ ..] = rest else { return Err(Malformed::at(LAYER, 1, 1, data.len())) };
+    let short = u32::from(control & 0x0F) << 8 | u32::from(*low);
+    let (size, begun) = match (short, rest) {
+        // §9.6.3.1: 0 announces a size of 32 bits.
+        (0, [a, b, c, d, begun @ ..]) => (u32::from_be_bytes([*a, *b, *c, *d]), begun),
+        (0, _) => return Err(Malformed::at(LAYER, 2, 4, data.len())),
+        _ => (short, rest),
+    };
+    if begun.is_empty() {
+        return Err(Malformed::at(LAYER, data.len(), 1, data.len()));
+    }
+    // What fits into one frame is never sent as two (§9.6.3.1).
+    if usize::try_from(size).is_ok_and(|size| size <= begun.len()) {
+        return Ok(IsoTp::Unknown { control });
+    }
+    Ok(IsoTp::First { size, data: begun })
+}
+
+fn flow_control<'a>(control: u8, data: &[u8], rest: &[u8]) -> Result<IsoTp<'a>, Malformed> {
+    let status = match control & 0x0F {
+        0 => FlowStatus::Continue,
+        1 => FlowStatus::Wait,
+        2 => FlowStatus::Overflow,
+        _ => return Ok(IsoTp::Unknown { control }),
+    };
+    match rest {
+        [block_size, separation_time, ..] => Ok(IsoTp::FlowControl(FlowControl {
+            status,
+            block_size: *block_size,
+            separation_time: *separation_time,
+        })),
+        _ => Err(Malformed::at(LAYER, 1, 2, data.len())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(data: &[u8]) -> Result<IsoTp<'_>, Malformed> {
+        parse(data, data.len())
+    }
+
+    #[test]
+    fn a_single_frame_leaves_its_padding_out() {
+        // ISO 15765-2 §9.6.2: 03 is three bytes.
+        let data = [0x03, 0x22, 0xF1, 0x90, 0xCC, 0xCC, 0xCC, 0xCC];
+        assert_eq!(read(&data), Ok(IsoTp::Single { data: &[0x22, 0xF1, 0x90] }));
+        let error = read(&[0x03, 0x22, 0xF1]).unwrap_err();
+        assert_eq!((error.layer, error.offset, error.needed, error.available), ("isotp", 1, 3, 2));
+        // Size 0 and, in eight bytes, sizes above 7.
+        assert_eq!(read(&[0x00, 1, 2]), Ok(IsoTp::Unknown { control: 0 }));
+        assert_eq!(read(&[0x08, 1, 2, 3, 4, 5, 6, 7]).unwrap_err().needed, 8);
+        assert_eq!(read(&[]).unwrap_err().needed, 1);
+    }
+
+    #[test]
+    fn a_single_frame_of_can_fd_says_its_size_in_the_second_byte() {
+        let mut data = [0xCC; 12];
+        data[0] = 0;
+        data[1] = 9;
+        assert_eq!(read(&data), Ok(IsoTp::Single { data: &[0xCC; 9] }));
+        data[1] = 11;
+        let error = read(&data).unwrap_err();
+        assert_eq!((error.offset, error.needed, error.available), (2, 11, 10));
+        data[1] = 0;
+        assert_eq!(read(&data), Ok(IsoTp::Unknown { control: 0 }));
+        data[0] = 5;
+        assert_eq!(read(&data), Ok(IsoTp::Unknown { control: 5 }));
+        // Eight bytes behind an address are a frame of nine.
+        assert_eq!(parse(&[0, 1, 2, 3, 4, 5, 6, 7], 9), Ok(IsoTp::Single { data: &[2] }));
+    }
+
+    #[test]
+    fn a_first_frame_has_one_of_two_sizes() {
+        let data = [0x10, 0x14, 0x62, 0xF1, 0x90, 0x57, 0x30, 0x4C];
+        assert_eq!(read(&data), Ok(IsoTp::First { size: 20, data: &[0x62, 0xF1, 0x90, 0x57, 0x30, 0x4C] }));
+        assert_eq!(
+            read(&[0x1F, 0xFF, 1, 2, 3, 4, 5, 6]),
+            Ok(IsoTp::First { size: 4095, data: &[1, 2, 3, 4, 5, 6] })
+        );
+        assert_eq!(
+            read(&[0x10, 0x00, 0x00, 0x01, 0x00, 0x00, 0xAA, 0xBB]),
+            Ok(IsoTp::First { size: 65_536, data: &[0xAA, 0xBB] })
+        );
+        assert_eq!(
+            read(&[0x10, 0x00, 0xFF, 0xFF, 0xFF, 0xFF, 0xAA, 0xBB]),
+            Ok(IsoTp::First { size: u32::MAX, data: &[0xAA, 0xBB] })
+        );
+    }
+
+    #[test]
+    fn a_first_frame_that_is_too_short_or_needless() {
+        let error = read(&[0x10, 0x00, 1, 2]).unwrap_err();
+        assert_eq!((error.offset, error.needed, error.available), (2, 4, 2));
+        assert_eq!(read(&[0x10]).unwrap_err().offset, 1);
+        assert_eq!(read(&[0x10, 0x20]).unwrap_err().offset, 2);
+        assert_eq!(read(&[0x10, 6, 1, 2, 3, 4, 5, 6]), Ok(IsoTp::Unknown { control: 0x10 }));
+    }
+
+    #[test]
+    fn consecutive_frames_count_from_0_to_15() {
+        assert_eq!(read(&[0x21, 1, 2]), Ok(IsoTp::Consecutive { sequence: 1, data: &[1, 2] }));
+        assert_eq!(read(&[0x20, 1]), Ok(IsoTp::Consecutive { sequence: 0, data: &[1] }));
+        assert_eq!(read(&[0x2F]).unwrap_err().offset, 1);
+    }
+
+    #[test]
+    fn flow_control_and_its_pause() {
+        let Ok(IsoTp::FlowControl(control)) = read(&[0x30, 0x08, 0x14, 0, 0, 0, 0, 0]) else {
+            panic!("expected flow control")
+        };
+        assert_eq!((control.status, control.block_size), (FlowStatus::Continue, 8));
+        // §9.6.5.4: 0x14 is 20 ms, 0xF3 is 300 µs, 0x80 is reserved and counts as 127 ms.
+        assert_eq!(control.separation(), 20_000_000);
+        assert_eq!(FlowControl { separation_time: 0xF3, ..control }.separation(), 300_000);
+        assert_eq!(FlowControl { separation_time: 0x80, ..control }.separation(), 127_000_000);
+        for (byte, status) in [(0x31, FlowStatus::Wait), (0x32, FlowStatus::Overflow)] {
+            let expected = FlowControl { status, block_size: 0, separation_time: 0 };
+            assert_eq!(read(&[byte, 0, 0]), Ok(IsoTp::FlowControl(expected)));
+        }
+        assert_eq!(read(&[0x33, 0, 0]), Ok(IsoTp::Unknown { control: 0x33 }));
+        let error = read(&[0x30, 0]).unwrap_err();
+        assert_eq!((error.offset, error.needed, error.available), (1, 2, 1));
+        assert_eq!(read(&[0x42, 0]), Ok(IsoTp::Unknown { control: 0x42 }));
+    }
+}

@@ -1,0 +1,168 @@
+//! UDS (ISO 14229-1): requests, positive responses and negative responses.
+//!
+//! ```text
+//! byte 0        bytes 1..
+//! SID           parameters                  request
+//! SID + 40      parameters                  positive response
+//! 7F            SID of the request, NRC     negative response
+//! ```
+//!
+//! Where a service has a sub-function or an identifier, tables know (`lookups/uds_services.toml`); the
+//! caller states it as a [`Shape`].
+
+use super::Malformed;
+use super::canopen::emcy::ByteOrder;
+
+/// One message.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Uds<'a> {
+    /// A client asks.
+    Request {
+        /// Service identifier.
+        service: u8,
+        /// What follows it.
+        data: &'a [u8],
+    },
+    /// A server did it.
+    Positive {
+        /// Service identifier of the request.
+        service: u8,
+        /// What follows it.
+        data: &'a [u8],
+    },
+    /// A server did not, or not yet.
+    Negative {
+        /// Service identifier of the request.
+        service: u8,
+        /// Negative response code.
+        code: u8,
+    },
+}
+
+/// Service identifier of a negative response (§8.5).
+const NEGATIVE: u8 = 0x7F;
+/// Bit of a service identifier that makes it a response.
+const RESPONSE: u8 = 0x40;
+/// Negative response code: the answer will take longer (Annex A.1).
+pub const RESPONSE_PENDING: u8 = 0x78;
+
+/// Reads one message.
+///
+/// # Errors
+/// When it is empty, or a negative response without service or code.
+pub fn parse(data: &[u8]) -> Result<Uds<'_>, Malformed> {
+    match data {
+        [] => Err(Malformed::at("uds", 0, 1, 0)),
+        [NEGATIVE, service, code, ..] => Ok(Uds::Negative { service: *service, code: *code }),
+        [NEGATIVE, ..] => Err(Malformed::at("uds", 1, 2, data.len())),
+        [service, rest @ ..] if service & RESPONSE != 0 => {
+            Ok(Uds::Positive { service: service & !RESPONSE, data: rest })
+        }
+        [service, rest @ ..] => Ok(Uds::Request { service: *service, data: rest }),
+    }
+}
+
+/// What stands where behind a service identifier.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
+pub struct Shape {
+    /// The first byte is a sub-function; its bit 7 asks for no positive response (§8.2.2).
+    pub sub_function: bool,
+    /// The identifier.
+    pub identifier: Option<Place>,
+}
+
+/// Where an identifier stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Place {
+    /// Bytes between service identifier and it.
+    pub offset: u8,
+    /// High byte of an identifier of which only the low one is sent.
+    pub high: Option<u8>,
+}
+
+/// Sub-function of a message.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SubFunction {
+    /// Which, 0..=127.
+    pub value: u8,
+    /// Bit 7: the server is to send no positive response.
+    pub suppress_response: bool,
+}
+
+impl Shape {
+    /// The sub-function in what follows the service identifier.
+    pub fn sub_function(self, data: &[u8]) -> Option<SubFunction> {
+        let byte = data.first().copied().filter(|_| self.sub_function)?;
+        Some(SubFunction { value: byte & 0x7F, suppress_response: byte & 0x80 != 0 })
+    }
+
+    /// Data or routine identifier in what follows the service identifier. The standard sends its high byte
+    /// first; `order` is what the device does.
+    pub fn identifier(self, data: &[u8], order: ByteOrder) -> Option<u16> {
+        let place = self.identifier?;
+        match (data.get(usize::from(place.offset)..)?, place.high, order) {
+            ([low, ..], Some(high), _) => Some(u16::from_be_bytes([high, *low])),
+            ([high, low, ..], None, ByteOrder::MsbFirst) => Some(u16::from_be_bytes([*high, *low])),
+            ([low, high, ..], None, ByteOrder::LsbFirst) => Some(u16::from_be_bytes([*high, *low])),
+            _ => None,
+        }
+    }
+
+    /// What follows identifier and sub-function: a record, parameters.
+    pub fn record(self, data: &[u8]) -> &[u8] {
+        let begin = match self.identifier {
+            Some(place) => usize::from(place.offset) + if place.high.is_some() { 1 } else { 2 },
+            None => usize::from(self.sub_function),
+        };
+        data.get(begin..).unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BY_IDENTIFIER: Shape =
+        Shape { sub_function: false, identifier: Some(Place { offset: 0, high: None }) };
+    const ROUTINE: Shape = Shape { sub_function: true, identifier: Some(Place { offset: 1, high: None }) };
+    const PERIODIC: Shape =
+        Shape { sub_function: false, identifier: Some(Place { offset: 1, high: Some(0xF2) }) };
+
+    #[test]
+    fn three_kinds_of_message() {
+        // ISO 14229-1 §8.4, §8.5: 22 F1 90, its answers 62 F1 90 … and 7F 22 31.
+        assert_eq!(parse(&[0x22, 0xF1, 0x90]), Ok(Uds::Request { service: 0x22, data: &[0xF1, 0x90] }));
+        assert_eq!(parse(&[0x62, 0xF1, 0x90]), Ok(Uds::Positive { service: 0x22, data: &[0xF1, 0x90] }));
+        assert_eq!(parse(&[0x7F, 0x22, 0x31]), Ok(Uds::Negative { service: 0x22, code: 0x31 }));
+        // C5 answers 85, FA answers BA: the bit, not a sum.
+        assert_eq!(parse(&[0xC5, 0x02]), Ok(Uds::Positive { service: 0x85, data: &[0x02] }));
+        assert_eq!(parse(&[0x85, 0x02]), Ok(Uds::Request { service: 0x85, data: &[0x02] }));
+    }
+
+    #[test]
+    fn what_is_missing_is_said() {
+        assert_eq!(parse(&[]).unwrap_err().needed, 1);
+        let error = parse(&[0x7F, 0x22]).unwrap_err();
+        assert_eq!((error.layer, error.offset, error.needed, error.available), ("uds", 1, 2, 1));
+    }
+
+    #[test]
+    fn identifiers_and_sub_functions() {
+        let (msb, lsb) = (ByteOrder::MsbFirst, ByteOrder::LsbFirst);
+        assert_eq!(BY_IDENTIFIER.identifier(&[0xF1, 0x90], msb), Some(0xF190));
+        assert_eq!(BY_IDENTIFIER.identifier(&[0x01, 0x10, 0x21], lsb), Some(0x1001));
+        assert_eq!(BY_IDENTIFIER.identifier(&[0xF1], msb), None);
+        assert_eq!(BY_IDENTIFIER.record(&[0x01, 0x10, 0x21]), [0x21]);
+        // 31 01 FF00: start routine FF00; 81 is the same without a positive response.
+        assert_eq!(ROUTINE.identifier(&[0x01, 0xFF, 0x00], msb), Some(0xFF00));
+        assert_eq!(
+            ROUTINE.sub_function(&[0x81, 0xFF, 0x00]),
+            Some(SubFunction { value: 1, suppress_response: true })
+        );
+        assert_eq!(ROUTINE.record(&[0x01, 0xFF, 0x00, 7]), [7]);
+        assert_eq!(PERIODIC.identifier(&[0x02, 0x15], msb), Some(0xF215));
+        assert_eq!(PERIODIC.record(&[0x02, 0x15, 0x16]), [0x16]);
+        assert_eq!(Shape::default().sub_function(&[1]), None);
+        assert_eq!(Shape::default().record(&[1, 2]), [1, 2]);
+    }
+}
