@@ -13,8 +13,10 @@
 //! ```
 
 mod model;
+mod uds;
 mod value;
 
+pub use uds::UdsPair;
 pub use value::encode;
 
 use std::str::FromStr;
@@ -51,6 +53,8 @@ pub struct Settings {
     pub databases: Vec<String>,
     /// How J1939 devices code SPNs whose conversion method bit is set.
     pub conversions: Vec<(NodeId, SpnConversion)>,
+    /// Identifiers of UDS servers.
+    pub uds: Vec<UdsPair>,
 }
 
 /// A value of an object.
@@ -141,6 +145,11 @@ impl BusFile {
     /// How J1939 devices code SPNs whose conversion method bit is set; of two for one the last counts.
     pub fn conversions<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = (NodeId, SpnConversion)> + 'a {
         self.of(bus).rev().flat_map(|settings| settings.conversions.iter().copied())
+    }
+
+    /// Identifiers of UDS servers, the special before the general.
+    pub fn uds<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = &'a UdsPair> {
+        self.of(bus).flat_map(|settings| &settings.uds)
     }
 
     /// What fills an area of a node.

@@ -6,6 +6,7 @@ use std::ops::Range;
 use serde::Deserialize;
 use toml::Spanned;
 
+use super::uds;
 use super::value::{Value, bytes};
 use super::{AreaEntry, BIT_RATES, BusFile, ObjectValue, Settings};
 use crate::frame::CanId;
@@ -36,6 +37,8 @@ pub(super) struct File {
     node: Nodes,
     #[serde(default)]
     id: Vec<Id>,
+    #[serde(default)]
+    uds: Vec<uds::Pair>,
 }
 
 #[derive(Deserialize)]
@@ -49,6 +52,8 @@ struct Bus {
     node: Nodes,
     #[serde(default)]
     id: Vec<Id>,
+    #[serde(default)]
+    uds: Vec<uds::Pair>,
 }
 
 /// `"a.dbc"`, or `["a.dbc", "b.dbc"]`.
@@ -120,25 +125,54 @@ struct Id {
 
 #[derive(Deserialize)]
 #[serde(untagged)]
-enum Number {
+pub(super) enum Number {
     Integer(i64),
     Text(String),
 }
 
+impl Number {
+    /// The identifier it is, of 29 bits where it has more than eleven, eight digits or `extended`.
+    pub(super) fn can_id(&self, extended: bool) -> Option<CanId> {
+        let (number, extended) = match self {
+            Self::Integer(number) => (u32::try_from(*number).ok()?, extended || *number > 0x7FF),
+            Self::Text(text) => {
+                let hex = matches!(text.len(), 3 | 8) && text.bytes().all(|byte| byte.is_ascii_hexdigit());
+                let number = hex.then(|| u32::from_str_radix(text, 16).ok()).flatten()?;
+                (number, extended || text.len() == 8)
+            }
+        };
+        match (u16::try_from(number), extended) {
+            (Ok(id), false) if id <= 0x7FF => Some(CanId::Standard(id)),
+            (_, true) if number <= 0x1FFF_FFFF => Some(CanId::Extended(number)),
+            _ => None,
+        }
+    }
+}
+
+/// What is said of a number that is no identifier.
+pub(super) const NO_IDENTIFIER: &str =
+    "an identifier has 11 or 29 bits: 0x1A0, or \"1A0\" and \"000001A0\" as candump prints them";
+
 impl File {
     /// What the file says, or the first thing wrong with it.
     pub(super) fn check(self) -> Result<BusFile, Wrong> {
-        let everywhere = Settings { databases: self.dbc.into(), ..settings(None, self.node, self.id)? };
+        let everywhere =
+            Settings { databases: self.dbc.into(), ..settings(None, self.node, self.id, self.uds)? };
         let buses = self.bus.into_iter().map(|(name, bus)| {
-            let settings = settings(bus.bitrate, bus.node, bus.id)?;
+            let settings = settings(bus.bitrate, bus.node, bus.id, bus.uds)?;
             Ok((name, Settings { databases: bus.dbc.into(), ..settings }))
         });
         Ok(BusFile { everywhere, buses: buses.collect::<Result<_, Wrong>>()? })
     }
 }
 
-fn settings(bit_rate: Option<Spanned<i64>>, nodes: Nodes, ids: Vec<Id>) -> Result<Settings, Wrong> {
-    let mut settings = Settings::default();
+fn settings(
+    bit_rate: Option<Spanned<i64>>,
+    nodes: Nodes,
+    ids: Vec<Id>,
+    pairs: Vec<uds::Pair>,
+) -> Result<Settings, Wrong> {
+    let mut settings = Settings { uds: uds::check(pairs)?, ..Settings::default() };
     if let Some(rate) = bit_rate {
         let known = u32::try_from(*rate.get_ref()).ok().filter(|rate| BIT_RATES.contains(rate));
         let wrong = || (rate.span(), "bitrate is in bit/s: 250 kbit/s is 250000".to_owned());
@@ -225,9 +259,8 @@ fn hex(text: &str) -> Option<Vec<u8>> {
 
 impl Id {
     fn check(&self) -> Result<(CanId, Owner), Wrong> {
-        let wide =
-            "an identifier has 11 or 29 bits: 0x1A0, or \"1A0\" and \"000001A0\" as candump prints them";
-        let id = self.can_id().ok_or_else(|| (self.number.span(), wide.to_owned()))?;
+        let id = self.number.get_ref().can_id(self.extended);
+        let id = id.ok_or_else(|| (self.number.span(), NO_IDENTIFIER.to_owned()))?;
         let node = match &self.node {
             Some(node) => {
                 let known = u8::try_from(*node.get_ref()).ok().filter(|id| (1..=127).contains(id));
@@ -236,22 +269,6 @@ impl Id {
             None => None,
         };
         Ok((id, self.owner(node)?))
-    }
-
-    fn can_id(&self) -> Option<CanId> {
-        let (number, extended) = match self.number.get_ref() {
-            Number::Integer(number) => (u32::try_from(*number).ok()?, self.extended || *number > 0x7FF),
-            Number::Text(text) => {
-                let hex = matches!(text.len(), 3 | 8) && text.bytes().all(|byte| byte.is_ascii_hexdigit());
-                let number = hex.then(|| u32::from_str_radix(text, 16).ok()).flatten()?;
-                (number, self.extended || text.len() == 8)
-            }
-        };
-        match (u16::try_from(number), extended) {
-            (Ok(id), false) if id <= 0x7FF => Some(CanId::Standard(id)),
-            (_, true) if number <= 0x1FFF_FFFF => Some(CanId::Extended(number)),
-            _ => None,
-        }
     }
 
     fn owner(&self, node: Option<u8>) -> Result<Owner, Wrong> {

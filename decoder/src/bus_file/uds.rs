@@ -1,0 +1,129 @@
+//! UDS servers of the bus file: on which identifiers they are asked and answer.
+
+use serde::Deserialize;
+use toml::Spanned;
+
+use super::model::{NO_IDENTIFIER, Number, Wrong};
+use crate::frame::CanId;
+
+/// One UDS server.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct UdsPair {
+    /// Requests to this server alone.
+    pub request: CanId,
+    /// Its responses.
+    pub response: CanId,
+    /// Requests to a group it belongs to.
+    pub functional: Option<CanId>,
+    /// What lines call it.
+    pub name: Option<String>,
+    /// The first byte of each payload is an address (ISO 15765-2 §10.3.4, §10.3.5: extended and mixed
+    /// addressing).
+    pub extended_addressing: bool,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Pair {
+    request: Spanned<Number>,
+    response: Spanned<Number>,
+    #[serde(default)]
+    functional: Option<Spanned<Number>>,
+    #[serde(default)]
+    extended: bool,
+    #[serde(default)]
+    name: Option<String>,
+    #[serde(default)]
+    extended_addressing: bool,
+}
+
+/// The pairs of one table, or the first thing wrong with them.
+pub(super) fn check(pairs: Vec<Pair>) -> Result<Vec<UdsPair>, Wrong> {
+    let mut checked: Vec<UdsPair> = Vec::with_capacity(pairs.len());
+    for pair in pairs {
+        let id = |number: &Spanned<Number>| {
+            let id = number.get_ref().can_id(pair.extended);
+            id.ok_or_else(|| (number.span(), NO_IDENTIFIER.to_owned()))
+        };
+        let (request, response) = (id(&pair.request)?, id(&pair.response)?);
+        let functional = pair.functional.as_ref().map(id).transpose()?;
+        let own = [(request, &pair.request), (response, &pair.response)];
+        let twice = |number: &Spanned<Number>, id: CanId| (number.span(), format!("{id} is given twice"));
+        if request == response {
+            return Err(twice(&pair.response, response));
+        }
+        for (id, number) in own {
+            let is_taken = |other: &UdsPair| [other.request, other.response].contains(&id);
+            if checked.iter().any(|other| is_taken(other) || other.functional == Some(id)) {
+                return Err(twice(number, id));
+            }
+        }
+        if let (Some(id), Some(number)) = (functional, &pair.functional)
+            && checked
+                .iter()
+                .flat_map(|other| [other.request, other.response])
+                .chain([request, response])
+                .any(|it| it == id)
+        {
+            return Err(twice(number, id));
+        }
+        checked.push(UdsPair {
+            request,
+            response,
+            functional,
+            name: pair.name,
+            extended_addressing: pair.extended_addressing,
+        });
+    }
+    Ok(checked)
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::bus_file::BusFile;
+    use crate::frame::CanId;
+
+    #[test]
+    fn pairs_of_all_buses_and_of_one() {
+        let file = BusFile::parse(
+            r#"
+            [[uds]]
+            request = 0x7E0
+            response = "7E8"
+            functional = 0x7DF
+            name = "ECU"
+            [[uds]]
+            request = 0x7E1
+            response = 0x7E9
+            functional = 0x7DF
+            [[bus.can1.uds]]
+            request = 0x6F1
+            response = 0x612
+            extended = true
+            extended_addressing = true
+            "#,
+        )
+        .unwrap();
+        let pairs: Vec<_> = file.uds("can1").collect();
+        assert_eq!((pairs[0].request, pairs[0].extended_addressing), (CanId::extended(0x6F1), true));
+        assert_eq!((pairs[1].response, pairs[1].name.as_deref()), (CanId::standard(0x7E8), Some("ECU")));
+        assert_eq!(pairs[2].functional, Some(CanId::standard(0x7DF)));
+        assert_eq!(file.uds("can0").count(), 2);
+    }
+
+    #[test]
+    fn identifiers_are_given_once() {
+        let fails = |text: &str, message: &str| {
+            let error = BusFile::parse(text).unwrap_err().to_string();
+            assert!(error.contains(message), "{error}");
+        };
+        fails("[[uds]]\nrequest = 0x7E0\nresponse = 0x7E0", "3:12: 7E0 is given twice");
+        fails(
+            "[[uds]]\nrequest = 0x7E0\nresponse = 0x7E8\n[[uds]]\nrequest = 0x7E1\nresponse = 0x7E8",
+            "6:12: 7E8 is given twice",
+        );
+        fails("[[uds]]\nrequest = 0x7E0\nresponse = 0x7E8\nfunctional = 0x7E0", "4:14: 7E0 is given twice");
+        fails("[[uds]]\nrequest = 0x20000000\nresponse = 0x7E8", "2:11: an identifier has 11 or 29 bits");
+        fails("[[uds]]\nrequest = 0x7E0", "missing field `response`");
+    }
+}
