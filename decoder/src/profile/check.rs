@@ -2,6 +2,8 @@
 //!
 //! Samples are run by `samples.rs`, which knows the decoder.
 
+mod uds;
+
 use std::collections::BTreeSet;
 use std::ops::Range;
 
@@ -46,6 +48,7 @@ pub fn check(text: &str, file: &ProfileFile, device: &Device) -> Vec<TextError> 
     check.cycles(device.dictionary.own());
     check.pdos();
     check.behaviour();
+    check.uds();
     check.wrong.sort_by_key(|(span, _)| span.start);
     check.wrong.dedup();
     check.wrong.into_iter().map(|(span, message)| TextError::at(text, span, message)).collect()
@@ -478,6 +481,20 @@ mod tests {
             ["2: default '0x80+$NODE' is no number: write 5 or \"$NODEID+0x200\""]
         );
         assert_eq!(errors(&object("unit = \"bar\"")), ["2: a value that is described needs its type"]);
+    }
+
+    #[test]
+    fn uds_identifiers_fit_their_type() {
+        let identifier = |keys: &str| format!("[[uds.identifier]]\nid = 0x1001\nname = \"a\"\n{keys}\n");
+        let whole = identifier("type = \"UNSIGNED8\"\nrange = [1, 127]\ndefault = 32");
+        assert_eq!(errors(&whole), [""; 0]);
+        assert_eq!(errors(&format!("{whole}{whole}")), ["8: UDS identifier 1001 is described twice"]);
+        let wrong = errors(&identifier("type = \"UNSIGNED8\"\nrange = [1, 127]\ndefault = 0"));
+        assert_eq!(wrong, ["2: default 0 lies outside range 1 to 127"]);
+        let wrong = errors(&identifier("type = \"UNSIGNED8\"\nrange = [1, 256]"));
+        assert_eq!(wrong, ["2: range or default 256 does not fit UNSIGNED8"]);
+        assert_eq!(errors(&identifier("default = 1")), ["2: a value that is described needs its type"]);
+        assert_eq!(errors(&identifier("type = \"UNSIGNED8\"\nunit = \"x\"")), ["2: 'x' is no known unit"]);
     }
 
     #[test]

@@ -8,6 +8,7 @@ mod j1939;
 mod network;
 mod rule;
 mod sample;
+mod uds;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -28,6 +29,7 @@ pub use network::{
 };
 pub use rule::{DeviceRule, Per, RuleKind, Severity, Waiver};
 pub use sample::Sample;
+pub use uds::{UdsIdentifier, UdsNrc, UdsSpec};
 
 use super::authored::{self, Authored, Tables, Wrong};
 use super::dictionary::{Dictionary, Object};
@@ -66,6 +68,7 @@ struct File {
     nmt: NmtSpec,
     monitoring: Monitoring,
     identity_change: IdentityChange,
+    uds: UdsSpec,
     machine: Vec<Spanned<Machine>>,
     gate: Vec<Spanned<Gate>>,
     procedure: Vec<Spanned<Procedure>>,
@@ -135,6 +138,8 @@ pub struct Device {
     pub monitoring: Monitoring,
     /// Node-ID changes.
     pub identity_change: IdentityChange,
+    /// UDS.
+    pub uds: UdsSpec,
     /// State machines, one a channel.
     pub machines: Vec<Machine>,
     /// Gates, one a channel.
@@ -250,6 +255,7 @@ impl ProfileFile {
             nmt: file.nmt.clone(),
             monitoring: file.monitoring.clone(),
             identity_change: file.identity_change.clone(),
+            uds: file.uds.of_variant(id),
             codes: file.codes.clone(),
             ..Device::default()
         };

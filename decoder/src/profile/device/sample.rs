@@ -64,6 +64,12 @@ pub struct Sample {
     /// The last frame is an SDO abort with this code.
     #[serde(default)]
     pub abort: Option<u32>,
+    /// The last frame answers a UDS request for this identifier.
+    #[serde(default)]
+    pub uds: Option<u16>,
+    /// With this negative response code.
+    #[serde(default)]
+    pub nrc: Option<u8>,
     /// Text of the EMCY, of the fault, of the abort as the device means it, or of the object's value.
     #[serde(default)]
     pub text: Option<String>,
