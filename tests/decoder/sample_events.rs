@@ -6,9 +6,10 @@ use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::{
     Abort, BitsChanged, BootCause, Certainty, Conflict, Crc, DeviceCause, DeviceState, Direction, Effective,
-    EmcyAction, Emergency, Event, EventKind, FrameRange, Mode, ModeChange, NodeIdentified, ObjectChange,
-    Outcome, Path, Pdo, PowerSign, ProcedureEvent, Protocol, Quantity, SdoTransfer, SetPoint, Silence,
-    StateCause, StateChange, Undecoded,
+    EmcyAction, Emergency, Ends, Event, EventKind, ExchangeOutcome, FrameRange, IsoTpTransfer, Message,
+    MessageOutcome, Mode, ModeChange, NodeIdentified, ObjectChange, Outcome, Path, Pdo, PowerSign,
+    ProcedureEvent, Protocol, Quantity, SdoTransfer, SetPoint, Silence, StateCause, StateChange, UdsExchange,
+    Undecoded,
 };
 use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags, MAX_DATA, Timestamp};
 use cobscope_decoder::profile::dbc;
@@ -23,12 +24,14 @@ use cobscope_decoder::wire::canopen::lss::Content;
 use cobscope_decoder::wire::canopen::nmt::NmtService;
 use cobscope_decoder::wire::canopen::{NmtState, ObjectAddress};
 use cobscope_decoder::wire::error_frame;
+use cobscope_decoder::wire::uds::SubFunction;
 
 use crate::sample_j1939;
 
 /// A device with a text of its own for an abort code.
 const PROFILE: &str = "id = \"acme-pump\"\ntitle = \"PUMP\"\n[[abort]]\ncode = 0x06020000\ntext = \"gone\"\n\
-                       [[j1939.dtc]]\nspn = 298985\nfmi = 19\ntext = \"time guarding\"\n";
+                       [[j1939.dtc]]\nspn = 298985\nfmi = 19\ntext = \"time guarding\"\n\
+                       [[uds.nrc]]\ncode = 0x31\ntext = \"no such thing\"\n";
 
 /// A bus on which node 2, named `ABCD`, was heard; it is an `acme-pump`.
 pub fn bus() -> Bus {
@@ -70,6 +73,7 @@ pub fn all() -> Vec<Event> {
         words_and_procedures(),
         messages(),
         transfers(),
+        diagnostics(),
         layer_setting(),
         bus_and_capture(),
         sample_j1939::all(&layout()),
@@ -375,6 +379,103 @@ fn transfers() -> Vec<EventKind> {
         ..write.clone()
     };
     [write, aborted, refused, plain, text].map(|transfer| EventKind::SdoTransfer(Box::new(transfer))).into()
+}
+
+fn messages_of_frames(ends: &Ends) -> Vec<EventKind> {
+    let message = IsoTpTransfer {
+        ends: ends.clone(),
+        id: CanId::extended(0x1BC7_8820),
+        flow_control: Some(CanId::extended(0x1BC1_00F1)),
+        address_byte: Some(0x12),
+        announced: 20,
+        size: 13,
+        data: vec![0x2E, 0xF1, 0x90],
+        truncated: true,
+        is_single: false,
+        waits: 2,
+        frame_count: 5,
+        duration: Some(1_000_000),
+        outcome: MessageOutcome::NoFlowControl,
+    };
+    let single = IsoTpTransfer {
+        address_byte: None,
+        flow_control: None,
+        is_single: true,
+        waits: 0,
+        truncated: false,
+        duration: None,
+        outcome: MessageOutcome::Complete,
+        ..message.clone()
+    };
+    [message, single].map(|message| EventKind::IsoTpTransfer(Box::new(message))).into()
+}
+
+fn diagnostics() -> Vec<EventKind> {
+    let ends =
+        Ends { source: Some(0x1F1), target: Some(0x102), functional: true, server: Some("ECU".into()) };
+    let message = |data: &[u8]| Message {
+        id: CanId::extended(0x1BC7_8802),
+        data: data.to_vec(),
+        size: 9000,
+        truncated: false,
+        frames: FrameRange { first: 3, last: 4 },
+    };
+    let written = UdsExchange {
+        ends: ends.clone(),
+        service: 0x2E,
+        sub_function: Some(SubFunction { value: 1, suppress_response: true }),
+        identifier: Some(0x1001),
+        meaning: Some(Arc::new(meaning("node-ID"))),
+        effect: Some(Effect::ResetNode),
+        order: ByteOrder::LsbFirst,
+        request: Some(message(&[0x2E, 1, 0x10, 0xC9, 0])),
+        response: Some(message(&[0x6E, 1, 0x10])),
+        outcome: ExchangeOutcome::Positive,
+        nrc: None,
+        pending: 2,
+        latency: Some(8_000_000),
+        duration: Some(9_000_000),
+    };
+    let named = UdsExchange { request: Some(message(&[0x2E, 1, 0x10, 200, 0])), ..written.clone() };
+    let session = UdsExchange {
+        service: 0x10,
+        identifier: None,
+        meaning: None,
+        pending: 0,
+        request: Some(message(&[0x10, 0x81])),
+        outcome: ExchangeOutcome::Suppressed,
+        response: None,
+        latency: None,
+        duration: None,
+        ..written.clone()
+    };
+    let refused = UdsExchange {
+        request: Some(Message { truncated: true, ..message(&[0x2E, 1]) }),
+        response: Some(Message { truncated: true, ..message(&[0x7F, 0x2E, 0x31]) }),
+        outcome: ExchangeOutcome::Negative,
+        nrc: Some(0x31),
+        ..written.clone()
+    };
+    let read = UdsExchange {
+        ends: Ends { source: None, target: None, functional: false, server: None },
+        service: 0x22,
+        identifier: Some(0xF190),
+        meaning: None,
+        request: None,
+        response: Some(message(b"\x62\xF1\x90ABCDEF")),
+        outcome: ExchangeOutcome::Unsolicited,
+        ..written.clone()
+    };
+    let unknown = UdsExchange {
+        service: 0x21,
+        request: Some(message(&[0x21, 1])),
+        response: None,
+        outcome: ExchangeOutcome::NoAnswer,
+        ..read.clone()
+    };
+    let exchanges = [written, named, session, refused, read, unknown];
+    let exchanges = exchanges.map(|exchange| EventKind::UdsExchange(Box::new(exchange)));
+    messages_of_frames(&ends).into_iter().chain(exchanges).collect()
 }
 
 fn layer_setting() -> Vec<EventKind> {

@@ -7,6 +7,7 @@ mod device;
 mod j1939;
 mod node;
 mod transfer;
+mod uds;
 
 pub use device::{
     BitsChanged, Conflict, DeviceCause, DeviceState, Effective, ModeChange, NodeIdentified, Path,
@@ -19,6 +20,7 @@ pub use j1939::{
 };
 pub use node::{BootCause, Certainty, EmcyAction, Emergency, PowerSign, Silence, StateCause, StateChange};
 pub use transfer::{Abort, Crc, Direction, Mode, Outcome, Pdo, SdoTransfer};
+pub use uds::{Ends, ExchangeOutcome, IsoTpTransfer, Message, MessageOutcome, UdsExchange};
 
 use std::sync::Arc;
 
@@ -151,6 +153,10 @@ pub enum EventKind {
     MessageGap(Box<MessageGap>),
     /// Something irregular within a transport session.
     TransportIrregularity(Box<Irregularity>),
+    /// A whole ISO-TP message.
+    IsoTpTransfer(Box<IsoTpTransfer>),
+    /// A UDS request with its answer.
+    UdsExchange(Box<UdsExchange>),
     /// The controller's report of an error.
     CanError(ErrorFrame),
     /// A frame nothing more is known of; `name` where its service is named.
@@ -236,6 +242,8 @@ impl EventKind {
             Self::Dtc(_) => "dtc",
             Self::MessageGap(_) => "message-gap",
             Self::TransportIrregularity(_) => "transport-irregularity",
+            Self::IsoTpTransfer(_) => "isotp-transfer",
+            Self::UdsExchange(_) => "uds-exchange",
             Self::CanError(_) => "can-error",
             Self::Frame(_) => "frame",
             Self::Malformed { .. } => "malformed",

@@ -5,7 +5,7 @@ use serde::de::{Deserialize, Deserializer, Error as _};
 use crate::event::EventKind;
 
 /// Names of all kinds; a kind's place here is its number in a [`KindSet`].
-const NAMES: [&str; 41] = [
+const NAMES: [&str; 43] = [
     "nmt-command",
     "nmt-state",
     "boot-up",
@@ -47,6 +47,8 @@ const NAMES: [&str; 41] = [
     "dtc",
     "message-gap",
     "transport-irregularity",
+    "isotp-transfer",
+    "uds-exchange",
 ];
 
 /// Place in [`NAMES`]. A new kind does not compile before it has one.
@@ -93,6 +95,8 @@ const fn number(kind: &EventKind) -> u32 {
         EventKind::Dtc(_) => 38,
         EventKind::MessageGap(_) => 39,
         EventKind::TransportIrregularity(_) => 40,
+        EventKind::IsoTpTransfer(_) => 41,
+        EventKind::UdsExchange(_) => 42,
     }
 }
 

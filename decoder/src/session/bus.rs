@@ -10,6 +10,7 @@ use super::j1939::{Claims, J1939Belief};
 use super::node::Node;
 use super::routes::{Origin, Routes, Service};
 use super::timers::Timers;
+use super::uds::UdsState;
 use super::{Observer, SessionOptions};
 use crate::event::EventKind;
 use crate::frame::{BusIndex, CanId, Frame, FrameFlags, Timestamp};
@@ -39,6 +40,7 @@ pub struct Bus {
     pub(super) channels: Channels,
     pub(super) sync: SyncState,
     pub(super) lss: LssState,
+    pub(super) uds: UdsState,
     pub(super) said: Said,
     /// Frame of the last reset of all nodes: it also means those that were not heard yet.
     pub(super) reset_all: Option<(u64, Restart)>,
@@ -82,6 +84,7 @@ impl Bus {
             channels: Channels::default(),
             sync: SyncState::default(),
             lss: LssState::default(),
+            uds: UdsState::default(),
             said: Said::default(),
             reset_all: None,
             last_boot: None,
@@ -109,7 +112,7 @@ impl Bus {
             return self.unslotted(frame, out);
         };
         let Some(service) = self.routes.slot(slot).map(|slot| slot.service) else { return };
-        if frame.flags.contains(FrameFlags::FD) {
+        if frame.flags.contains(FrameFlags::FD) && !matches!(service, Service::IsoTp(_)) {
             return self.fd_frame(frame, service, out);
         }
         match service {
@@ -146,6 +149,7 @@ impl Bus {
             Service::Nmt => self.on_nmt(frame, out),
             Service::Time => self.on_time(frame, out),
             Service::Lss(from_master) => self.on_lss(from_master, frame, out),
+            Service::IsoTp(link) => self.on_isotp(link, frame, out),
             Service::Pdo(..) | Service::J1939(_) | Service::Unclassified | Service::Named(_) => {}
         }
     }
@@ -154,6 +158,7 @@ impl Bus {
     pub fn finish(&mut self, out: &mut dyn Observer) {
         self.finish_transfers(out);
         self.finish_messages(out);
+        self.finish_uds(out);
         let (count, extended) = self.undecoded;
         if count > 0 {
             let frame = Frame { number: self.last_frame, time: self.last_time, ..Frame::EMPTY };

@@ -56,6 +56,7 @@ impl Bus {
         for cadence in self.routes.cadences_mut() {
             cadence.postpone(delay);
         }
+        self.uds.postpone(delay);
         for node in &mut self.nodes {
             node.behaviour.postpone(delay);
             if let Some(state) = &mut node.j1939 {
@@ -77,6 +78,8 @@ impl Bus {
                 Subject::SetPoint(node) => self.sync_deadline(node, now, out),
                 Subject::Dm1(node) => self.dm1_deadline(node, now, out),
                 Subject::Message(slot) => self.message_deadline(slot, now, out),
+                Subject::IsoTp(link) => self.isotp_deadline(link, now, out),
+                Subject::UdsRequest(link) => self.uds_deadline(link, now, out),
             }
         }
     }

@@ -7,6 +7,7 @@ use super::SessionOptions;
 use super::device::given_devices;
 use super::routes::Service;
 use super::store::{Origin, OriginKind};
+use super::uds::{Pairs, UdsState};
 use crate::bus_file::{AreaEntry, ObjectValue, encode};
 use crate::frame::CanId;
 use crate::profile::device::PdoField;
@@ -35,6 +36,11 @@ impl Bus {
             };
             self.routes.give(*id, service);
         }
+        let pairs = Pairs::new(options.bus_file.uds(&name).cloned().collect());
+        for (id, link) in pairs.links() {
+            self.routes.name(id, link);
+        }
+        self.uds = UdsState::with(pairs);
         for (node, device, by) in given_devices(&options.assignments, &name) {
             self.assign(node, &device, by);
         }

@@ -22,6 +22,7 @@ mod nodes;
 mod routes;
 mod store;
 mod timers;
+mod uds;
 
 pub use bus::Bus;
 pub use device::{GateState, GateStatus};
@@ -36,12 +37,16 @@ use crate::profile::dbc::Database;
 use crate::profile::{Catalogue, Device};
 use crate::wire::NodeId;
 
-/// Data kept of one SDO transfer, in bytes.
+/// Data kept of one SDO transfer or ISO-TP message, in bytes.
 pub const TRANSFER_DATA_LIMIT: usize = 64 * 1024;
-/// Data kept of all open transfers of a bus, in bytes.
+/// Data kept of all open transfers of a bus, SDO and ISO-TP together, and of UDS requests that wait, in bytes.
 pub const OPEN_DATA_LIMIT: usize = 4 * 1024 * 1024;
 /// SDO channels of a bus, so also open transfers.
 pub const CHANNEL_LIMIT: usize = 256;
+/// ISO-TP messages of a bus that are on their way.
+pub const TRANSPORT_LIMIT: usize = 256;
+/// UDS requests of a bus that wait for an answer.
+pub const EXCHANGE_LIMIT: usize = 256;
 /// Active errors of a node; also active, and previously active, trouble codes of a J1939 device.
 pub const ACTIVE_ERROR_LIMIT: usize = 64;
 /// J1939 devices of a bus without an address that are remembered.

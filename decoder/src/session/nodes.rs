@@ -62,6 +62,7 @@ impl Bus {
     /// What an identifier means now, for people: `TPDO1 of 5`, `SDO response of 15`.
     pub fn describe_id(&self, id: CanId) -> String {
         match self.routes.find(id).and_then(|slot| self.routes.slot(slot)).map(|slot| slot.service) {
+            Some(Service::IsoTp(link)) => self.uds.pairs().describe(link),
             _ if !self.belief.is_believed() => String::new(),
             None | Some(Service::Unclassified) => String::new(),
             Some(Service::Named(name)) => name.to_owned(),
@@ -96,6 +97,7 @@ impl Bus {
             + self.timers.footprint()
             + self.channels.footprint()
             + self.claims.footprint()
+            + self.uds.footprint()
             + self.nodes.iter().map(Node::footprint).sum::<usize>()
     }
 

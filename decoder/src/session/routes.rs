@@ -8,6 +8,7 @@ use foldhash::fast::FixedState;
 use super::EXTENDED_ID_LIMIT;
 use super::device::Planned;
 use super::j1939::Cadence;
+use super::uds::Link;
 use crate::event::{Event, EventKind, Pdo};
 use crate::frame::{CanId, Frame};
 use crate::profile::{Layout, Owner, PdoName, connection_set};
@@ -38,6 +39,8 @@ pub(super) enum Service {
     Lss(bool),
     /// A J1939 message.
     J1939(J1939Id),
+    /// ISO-TP between two ends.
+    IsoTp(Link),
 }
 
 /// State of one identifier that was seen.
@@ -74,6 +77,8 @@ pub(super) struct Routes {
     given: Arc<BTreeMap<CanId, Service>>,
     /// Services learnt on the wire; they go before the defaults.
     learnt: Arc<BTreeMap<CanId, Service>>,
+    /// UDS servers the user named; they go before the defaults only.
+    named: Arc<BTreeMap<CanId, Service>>,
     refused: bool,
 }
 
@@ -85,6 +90,7 @@ impl Default for Routes {
             slots: Vec::new(),
             given: Arc::default(),
             learnt: Arc::default(),
+            named: Arc::default(),
             refused: false,
         }
     }
@@ -93,7 +99,7 @@ impl Default for Routes {
 /// What an identifier's first frame is routed to before channels are known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Origin {
-    /// Learnt or given.
+    /// Given, learnt, or told by the bits of the identifier.
     Learnt(Service),
     /// By the predefined connection set.
     Default(Owner),
@@ -124,8 +130,10 @@ impl Routes {
 
     /// What an identifier means before its first frame.
     pub(super) fn origin(&self, id: CanId) -> Origin {
-        if let Some(service) = self.given.get(&id).or_else(|| self.learnt.get(&id)) {
-            return Origin::Learnt(*service);
+        let known = [&self.given, &self.learnt, &self.named].into_iter().find_map(|map| map.get(&id));
+        let known = known.copied().or_else(|| Link::of(id).map(Service::IsoTp));
+        if let Some(service) = known {
+            return Origin::Learnt(service);
         }
         match id {
             CanId::Standard(id) => Origin::Default(connection_set().owner(id)),
@@ -181,6 +189,11 @@ impl Routes {
     /// The user says that `id` is `service`.
     pub(super) fn give(&mut self, id: CanId, service: Service) {
         Arc::make_mut(&mut self.given).insert(id, service);
+    }
+
+    /// The user names `id` as one of a UDS server; the first word counts.
+    pub(super) fn name(&mut self, id: CanId, link: Link) {
+        Arc::make_mut(&mut self.named).entry(id).or_insert(Service::IsoTp(link));
     }
 
     fn reroute(&mut self, id: CanId, service: Service) {

@@ -7,6 +7,7 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
+use super::uds::Link;
 use crate::wire::NodeId;
 
 /// What has a deadline.
@@ -22,6 +23,10 @@ pub(super) enum Subject {
     Message(u16),
     /// DM1 of a node with active trouble codes.
     Dm1(NodeId),
+    /// ISO-TP message on its way.
+    IsoTp(Link),
+    /// UDS requests of a link that wait.
+    UdsRequest(Link),
 }
 
 /// Deadlines in monotonic nanoseconds.

@@ -8,6 +8,7 @@ mod device;
 mod j1939;
 mod node;
 mod transfer;
+mod uds;
 
 pub use bus::{can_error_text, time_of_day};
 pub(crate) use transfer::signals;
@@ -127,6 +128,7 @@ fn details(event: &Event, bus: &Bus, fields: &mut dyn Fields) {
         }
         _ if device::tell(&event.kind, fields) => {}
         _ if j1939::tell(&event.kind, device(event, bus), fields) => {}
+        _ if uds::tell(&event.kind, device(event, bus), fields) => {}
         _ => bus::about_the_bus(&event.kind, fields),
     }
 }

@@ -60,7 +60,7 @@ fn signal_id(id: SignalId, fields: &mut dyn Fields) {
 }
 
 /// The value in engineering units, with unit and name; `null` where it is no quantity but a special value.
-fn meant(meaning: &Meaning, value: &Value, fields: &mut dyn Fields) {
+pub(super) fn meant(meaning: &Meaning, value: &Value, fields: &mut dyn Fields) {
     let label = meaning.label(value);
     match meaning.scaled(value) {
         Some(quantity) => {
@@ -99,7 +99,7 @@ fn rounded_to(quantity: f64, digits: u8) -> f64 {
     if shifted.abs() < 1e15 { shifted.round() / unit } else { quantity }
 }
 
-fn value_field(key: &'static str, value: &Value, fields: &mut dyn Fields) {
+pub(super) fn value_field(key: &'static str, value: &Value, fields: &mut dyn Fields) {
     match value {
         Value::Unsigned(value) => fields.field(key, FieldValue::Unsigned(*value)),
         Value::Integer(value) => fields.field(key, FieldValue::Integer(*value)),

@@ -20,6 +20,9 @@ impl Bus {
             let from = from.or_else(|| self.only_one_in_reset(id));
             self.change_node_id(from, to, "lss", frame, out);
             self.node_id_changed(to, frame, out);
+        } else if let Some(from) = self.uds.take_accepted(id) {
+            self.change_node_id(Some(from), id, "uds", frame, out);
+            self.node_id_changed(id, frame, out);
         } else if let Some(from) = self.told_to_be(id) {
             self.change_node_id(Some(from), id, "object", frame, out);
             self.node_id_changed(id, frame, out);

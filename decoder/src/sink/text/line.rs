@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::pdo::push_signals;
-use super::{Tone, device, emcy, j1939, pdo, sdo};
+use super::{Tone, device, emcy, j1939, pdo, sdo, uds};
 use crate::event::{
     BootCause, Certainty, Event, EventKind, FrameRange, ObjectChange, PowerSign, Silence, StateCause,
     StateChange, Undecoded,
@@ -74,6 +74,9 @@ pub(super) struct Words {
 const SHOWN_BYTES: usize = 16;
 
 fn words(event: &Event, bus: &Bus) -> Words {
+    if let Some(words) = uds::words(event, bus) {
+        return words;
+    }
     let who = event.node.map_or(String::new(), |node| node_label(node, bus));
     let words = |kind, what: String, tone| Words { who: who.clone(), kind, what, tone };
     match &event.kind {

@@ -16,6 +16,7 @@ mod news;
 mod pdo;
 mod sdo;
 mod time;
+mod uds;
 
 use std::io::{self, Write};
 

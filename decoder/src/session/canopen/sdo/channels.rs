@@ -213,7 +213,13 @@ impl Channels {
         }
     }
 
-    /// Takes a message; gives the transfers it ended.
+    /// Data of all open transfers, in bytes.
+    pub(in crate::session) fn open_bytes(&self) -> usize {
+        self.open_bytes
+    }
+
+    /// Takes a message; gives the transfers it ended. `elsewhere`: bytes that open transfers of other
+    /// protocols hold.
     pub(super) fn take(
         &mut self,
         index: u16,
@@ -221,14 +227,14 @@ impl Channels {
         message: Sdo<'_>,
         command: u8,
         frame: &Frame,
-        _now: i64,
+        elsewhere: usize,
     ) -> Finished {
         let Some(channel) = self.channels.get_mut(usize::from(index)) else { return [None, None] };
         let before = channel.open_bytes();
         let finished = channel.take(index, side, message, command, frame);
         let now = channel.open_bytes();
         self.open_bytes = self.open_bytes.saturating_sub(before) + now;
-        if self.open_bytes > OPEN_DATA_LIMIT
+        if self.open_bytes + elsewhere > OPEN_DATA_LIMIT
             && now > 0
             && let Some(transfer) = &mut channel.transfer
         {

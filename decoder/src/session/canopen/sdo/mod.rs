@@ -66,7 +66,7 @@ impl Bus {
                 self.undecoded(frame, None, out);
             }
         }
-        let finished = self.channels.take(channel, side, message, command, frame, now);
+        let finished = self.channels.take(channel, side, message, command, frame, self.uds.open_bytes());
         for transfer in finished.into_iter().flatten() {
             self.finish_transfer(node, transfer, frame, out);
         }

@@ -1,0 +1,358 @@
+//! Requests that wait for their answers.
+//!
+//! A client asks one thing at a time (ISO 14229-2 §9), yet requests overlap: while one is pending, to a group
+//! and to one server, or by a client that does not wait. So those of a link are a short list.
+
+use std::collections::HashMap;
+
+use foldhash::fast::FixedState;
+
+use super::link::{Link, Pairs};
+use super::transfer::Transfer;
+use crate::event::ExchangeOutcome;
+use crate::session::EXCHANGE_LIMIT;
+use crate::wire::uds::SubFunction;
+
+/// Nanoseconds without an answer after which a request counts as unanswered; anew after each response that
+/// says the answer takes longer (P2*server_max by default, ISO 14229-2 §7.2).
+pub(super) const SILENCE: i64 = 5_000_000_000;
+
+/// Nanoseconds a server has for its answer by default (P2server_max): after them a client that asks the same
+/// again has given up on the first request.
+const ANSWER_TIME: i64 = 50_000_000;
+
+/// Requests of one link that wait at once.
+const LINK_LIMIT: usize = 8;
+
+/// A request that waits.
+#[derive(Debug, Clone)]
+pub(super) struct Exchange {
+    /// The way of the request.
+    pub(super) link: Link,
+    pub(super) service: u8,
+    pub(super) sub_function: Option<SubFunction>,
+    pub(super) identifier: Option<u16>,
+    pub(super) request: Box<Transfer>,
+    /// Responses that said the answer takes longer.
+    pub(super) pending: u32,
+    /// Of a group: a server answered.
+    pub(super) is_answered: bool,
+    /// Monotonic time of the last sign of it.
+    pub(super) last: i64,
+    deadline: i64,
+}
+
+impl Exchange {
+    /// A request that ends at monotonic time `now`.
+    pub(super) fn new(link: Link, service: u8, request: Box<Transfer>, now: i64) -> Self {
+        Self {
+            link,
+            service,
+            sub_function: None,
+            identifier: None,
+            request,
+            pending: 0,
+            is_answered: false,
+            last: now,
+            deadline: now.saturating_add(SILENCE),
+        }
+    }
+
+    /// How it ends when nothing (more) comes: `None` where it was answered.
+    pub(super) fn unanswered(&self) -> Option<ExchangeOutcome> {
+        let suppressed = self.sub_function.is_some_and(|it| it.suppress_response) && self.pending == 0;
+        match (self.is_answered, suppressed) {
+            (true, _) => None,
+            (false, true) => Some(ExchangeOutcome::Suppressed),
+            (false, false) => Some(ExchangeOutcome::NoAnswer),
+        }
+    }
+
+    fn take_pending(&mut self, now: i64) {
+        self.pending = self.pending.saturating_add(1);
+        self.last = now;
+        self.deadline = now.saturating_add(SILENCE);
+    }
+}
+
+/// The requests of one link, oldest first.
+#[derive(Debug, Clone, Default)]
+struct Waiting {
+    exchanges: Vec<Exchange>,
+    /// An entry is in the timer queue.
+    queued: bool,
+}
+
+/// What an answer says.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Answer {
+    pub(super) service: u8,
+    /// Identifier it repeats.
+    pub(super) identifier: Option<u16>,
+    /// It only says that it takes longer.
+    pub(super) is_pending: bool,
+}
+
+/// All requests of a bus that wait.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Exchanges {
+    waiting: HashMap<Link, Waiting, FixedState>,
+    count: usize,
+    open_bytes: usize,
+    refused: bool,
+}
+
+impl Exchanges {
+    /// A request; gives those it puts an end to.
+    pub(super) fn begin(&mut self, exchange: Exchange, now: i64) -> Vec<Exchange> {
+        let mut ended = Vec::new();
+        let link = exchange.link;
+        let given_up = |old: &Exchange| {
+            old.service == exchange.service
+                && old.pending == 0
+                && (now.saturating_sub(old.last) >= ANSWER_TIME || old.identifier == exchange.identifier)
+        };
+        while let Some(old) = self.take(link, given_up) {
+            ended.push(old);
+        }
+        if self.waiting.get(&link).is_some_and(|waiting| waiting.exchanges.len() >= LINK_LIMIT) {
+            ended.extend(self.take(link, |_| true));
+        }
+        if self.count >= EXCHANGE_LIMIT {
+            self.refused = true;
+            return ended;
+        }
+        self.add(exchange);
+        ended
+    }
+
+    fn add(&mut self, exchange: Exchange) {
+        self.count += 1;
+        self.open_bytes += exchange.request.data.len();
+        self.waiting.entry(exchange.link).or_default().exchanges.push(exchange);
+    }
+
+    /// Takes the oldest request of a link that `fits` out.
+    fn take(&mut self, link: Link, fits: impl Fn(&Exchange) -> bool) -> Option<Exchange> {
+        let waiting = self.waiting.get_mut(&link)?;
+        let place = waiting.exchanges.iter().position(fits)?;
+        let exchange = waiting.exchanges.remove(place);
+        self.forget(&exchange);
+        self.tidy(link);
+        Some(exchange)
+    }
+
+    fn forget(&mut self, exchange: &Exchange) {
+        self.count = self.count.saturating_sub(1);
+        self.open_bytes = self.open_bytes.saturating_sub(exchange.request.data.len());
+    }
+
+    /// Links without requests are kept only as long as the timer queue has an entry of them.
+    fn tidy(&mut self, link: Link) {
+        if self.waiting.get(&link).is_some_and(|waiting| waiting.exchanges.is_empty() && !waiting.queued) {
+            self.waiting.remove(&link);
+        }
+    }
+
+    /// The request an answer by `link` belongs to. A pending one stays; a request to a group stays for the
+    /// answers of the other servers, too.
+    pub(super) fn answer(&mut self, link: Link, answer: Answer, now: i64, pairs: &Pairs) -> Option<Exchange> {
+        let own = self.place(link.back(), answer);
+        let (at, place) = own.map(|place| (link.back(), place)).or_else(|| {
+            let mut groups: Vec<Link> =
+                self.waiting.keys().copied().filter(|it| pairs.reaches(*it, link)).collect();
+            groups.sort_unstable();
+            groups.into_iter().find_map(|group| Some((group, self.place(group, answer)?)))
+        })?;
+        let exchange = self.waiting.get_mut(&at)?.exchanges.get_mut(place)?;
+        if at == link.back() {
+            if answer.is_pending {
+                exchange.take_pending(now);
+                return Some(exchange.clone());
+            }
+            let exchange = self.waiting.get_mut(&at)?.exchanges.remove(place);
+            self.forget(&exchange);
+            self.tidy(at);
+            return Some(exchange);
+        }
+        exchange.is_answered = true;
+        let mut single = exchange.clone();
+        (single.link, single.is_answered) = (link.back(), false);
+        if answer.is_pending {
+            single.take_pending(now);
+            if self.count < EXCHANGE_LIMIT {
+                self.add(single.clone());
+            } else {
+                self.refused = true;
+            }
+        }
+        Some(single)
+    }
+
+    /// Place of the request of a link that an answer fits: the one with its identifier, else the oldest with
+    /// its service.
+    fn place(&self, link: Link, answer: Answer) -> Option<usize> {
+        let exchanges = &self.waiting.get(&link)?.exchanges;
+        let same = |it: &Exchange| it.service == answer.service;
+        let exact = |it: &Exchange| same(it) && it.identifier == answer.identifier;
+        let exact = answer.identifier.and_then(|_| exchanges.iter().position(exact));
+        exact.or_else(|| exchanges.iter().position(same))
+    }
+
+    /// Whether the link must go into the timer queue, and when it comes due.
+    pub(super) fn arm(&mut self, link: Link) -> Option<i64> {
+        let waiting = self.waiting.get_mut(&link)?;
+        let deadline = waiting.exchanges.iter().map(|exchange| exchange.deadline).min()?;
+        (!std::mem::replace(&mut waiting.queued, true)).then_some(deadline)
+    }
+
+    /// The timer entry of a link came due: those whose time is over, with their deadlines. While its answer
+    /// is on its way (`is_answering`), a request goes on waiting.
+    pub(super) fn due(&mut self, link: Link, now: i64, is_answering: bool) -> Vec<(Exchange, i64)> {
+        let Some(waiting) = self.waiting.get_mut(&link) else { return Vec::new() };
+        waiting.queued = false;
+        if is_answering {
+            for exchange in &mut waiting.exchanges {
+                exchange.deadline = exchange.deadline.max(now.saturating_add(SILENCE));
+            }
+        }
+        let mut over = Vec::new();
+        while let Some(exchange) = self.take(link, |exchange| exchange.deadline < now) {
+            let deadline = exchange.deadline;
+            over.push((exchange, deadline));
+        }
+        self.tidy(link);
+        over
+    }
+
+    /// Moves all deadlines by `delay` nanoseconds.
+    pub(super) fn postpone(&mut self, delay: i64) {
+        for exchange in self.waiting.values_mut().flat_map(|waiting| &mut waiting.exchanges) {
+            exchange.deadline = exchange.deadline.saturating_add(delay);
+            exchange.last = exchange.last.saturating_add(delay);
+        }
+    }
+
+    /// Takes out all requests, in the order they began.
+    pub(super) fn drain(&mut self) -> Vec<Exchange> {
+        (self.count, self.open_bytes) = (0, 0);
+        let mut all: Vec<_> = self.waiting.drain().flat_map(|(_, waiting)| waiting.exchanges).collect();
+        all.sort_by_key(|exchange| exchange.request.frames.first);
+        all
+    }
+
+    /// Bytes of all requests that wait.
+    pub(super) fn open_bytes(&self) -> usize {
+        self.open_bytes
+    }
+
+    /// Whether a request found no room since the last question.
+    pub(super) fn take_refused(&mut self) -> bool {
+        std::mem::take(&mut self.refused)
+    }
+
+    /// Bytes held.
+    pub(super) fn footprint(&self) -> usize {
+        let exchanges = self.waiting.values().flat_map(|waiting| &waiting.exchanges);
+        self.waiting.capacity() * size_of::<(Link, Waiting)>()
+            + exchanges.map(|it| size_of::<Exchange>() + it.request.footprint()).sum::<usize>()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::{CanId, Frame};
+
+    const MS: i64 = 1_000_000;
+
+    fn link(id: u32) -> Link {
+        Link::of(CanId::extended(id)).unwrap()
+    }
+
+    fn request(id: u32, service: u8, identifier: Option<u16>, now: i64) -> Exchange {
+        let frame = Frame::data_frame(CanId::extended(id), &[]);
+        let transfer = Box::new(Transfer::single(&frame, None, &[service]));
+        Exchange { identifier, ..Exchange::new(link(id), service, transfer, now) }
+    }
+
+    fn answer(service: u8, identifier: Option<u16>) -> Answer {
+        Answer { service, identifier, is_pending: false }
+    }
+
+    const THERE: u32 = 0x18DA_20F1;
+    const BACK: u32 = 0x18DA_F120;
+    const GROUP: u32 = 0x18DB_33F1;
+
+    #[test]
+    fn an_answer_finds_its_identifier() {
+        let (mut all, pairs) = (Exchanges::default(), Pairs::default());
+        assert!(all.begin(request(THERE, 0x22, Some(1), 0), 0).is_empty());
+        assert!(all.begin(request(THERE, 0x22, Some(2), MS), MS).is_empty());
+        let found = all.answer(link(BACK), answer(0x22, Some(2)), MS, &pairs).unwrap();
+        assert_eq!(found.identifier, Some(2));
+        // A negative response repeats no identifier.
+        let found = all.answer(link(BACK), answer(0x22, None), MS, &pairs).unwrap();
+        assert_eq!(found.identifier, Some(1));
+        assert!(all.answer(link(BACK), answer(0x22, None), MS, &pairs).is_none());
+        assert!(all.answer(link(THERE), answer(0x22, None), MS, &pairs).is_none());
+        assert_eq!((all.count, all.open_bytes), (0, 0));
+    }
+
+    #[test]
+    fn a_client_that_asks_again_has_given_up() {
+        let mut all = Exchanges::default();
+        all.begin(request(THERE, 0x22, Some(1), 0), 0);
+        assert_eq!(all.begin(request(THERE, 0x22, Some(1), MS), MS).len(), 1, "the same again");
+        assert_eq!(all.begin(request(THERE, 0x22, Some(2), 60 * MS), 60 * MS).len(), 1, "P2 is over");
+        assert!(all.begin(request(THERE, 0x3E, None, 120 * MS), 120 * MS).is_empty(), "another service");
+    }
+
+    #[test]
+    fn a_pending_request_waits_anew() {
+        let (mut all, pairs) = (Exchanges::default(), Pairs::default());
+        all.begin(request(THERE, 0x31, None, 0), 0);
+        assert_eq!(all.arm(link(THERE)), Some(SILENCE));
+        let pending = Answer { is_pending: true, ..answer(0x31, None) };
+        all.answer(link(BACK), pending, 4_000 * MS, &pairs);
+        assert!(all.due(link(THERE), SILENCE + 1, false).is_empty());
+        assert_eq!(all.arm(link(THERE)), Some(4_000 * MS + SILENCE));
+        let over = all.due(link(THERE), 10_000 * MS, false);
+        assert_eq!((over[0].0.pending, over[0].1), (1, 4_000 * MS + SILENCE));
+        assert_eq!(over[0].0.unanswered(), Some(ExchangeOutcome::NoAnswer));
+        assert!(all.waiting.is_empty());
+    }
+
+    #[test]
+    fn several_servers_answer_a_request_to_all() {
+        let (mut all, pairs) = (Exchanges::default(), Pairs::default());
+        all.begin(request(GROUP, 0x3E, None, 0), 0);
+        for server in [0x20_u32, 0x21] {
+            let found = all.answer(link(0x18DA_F100 | server), answer(0x3E, None), MS, &pairs).unwrap();
+            assert_eq!(found.link.server(), u8::try_from(server).ok());
+        }
+        assert!(all.answer(link(0x18DA_F220), answer(0x3E, None), MS, &pairs).is_none(), "another client's");
+        let pending = Answer { is_pending: true, ..answer(0x3E, None) };
+        all.answer(link(0x18DA_F122), pending, MS, &pairs);
+        let found = all.answer(link(0x18DA_F122), answer(0x3E, None), 2 * MS, &pairs).unwrap();
+        assert_eq!(found.pending, 1);
+        let over = all.due(link(GROUP), SILENCE + 1, false);
+        assert_eq!(over[0].0.unanswered(), None, "it was answered");
+    }
+
+    #[test]
+    fn as_many_wait_as_the_limits_allow() {
+        let mut all = Exchanges::default();
+        for identifier in 0..u16::try_from(LINK_LIMIT).unwrap() {
+            assert!(all.begin(request(THERE, 0x22, Some(identifier), 0), 0).is_empty());
+        }
+        let ended = all.begin(request(THERE, 0x22, Some(99), 0), 0);
+        assert_eq!((ended.len(), ended[0].identifier), (1, Some(0)), "the oldest goes");
+        let mut number = 0;
+        while !all.take_refused() {
+            number += 1;
+            all.begin(request(0x18DA_0000 | number, 0x3E, None, 0), 0);
+        }
+        assert_eq!(all.drain().len(), EXCHANGE_LIMIT);
+    }
+}

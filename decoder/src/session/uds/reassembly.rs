@@ -1,0 +1,334 @@
+//! All ISO-TP messages on their way, by sender and receiver.
+
+use std::collections::HashMap;
+
+use foldhash::fast::FixedState;
+
+use super::link::Link;
+use super::transfer::{Oddity, Transfer};
+use crate::event::MessageOutcome;
+use crate::frame::Frame;
+use crate::session::TRANSPORT_LIMIT;
+use crate::wire::isotp::{FlowStatus, IsoTp};
+
+/// What is known of one way between two ends.
+#[derive(Debug, Clone, Default)]
+struct State {
+    /// A frame of it was seen.
+    heard: bool,
+    /// A message that makes sense was seen on it, or on the way back.
+    believed: bool,
+    /// Frames without a beginning were told of, since the last beginning.
+    said_start: bool,
+    /// Flow control that nobody waits for was told of, alike.
+    said_control: bool,
+    transfer: Option<Box<Transfer>>,
+    deadline: Option<i64>,
+    /// An entry is in the timer queue.
+    queued: bool,
+}
+
+/// What one frame came to.
+#[derive(Debug, Default)]
+pub(super) struct Taken {
+    /// The message it put an end to by beginning another one.
+    pub(super) superseded: Option<Box<Transfer>>,
+    /// The message it ended.
+    pub(super) ended: Option<Box<Transfer>>,
+    /// What is wrong with it.
+    pub(super) odd: [Option<Oddity>; 2],
+    /// It belongs to no message.
+    pub(super) is_stray: bool,
+}
+
+/// What a timer entry of a link comes to.
+pub(super) enum Due {
+    /// Nothing is open.
+    Nothing,
+    /// The deadline moved.
+    Later(i64),
+    /// Nothing came until the deadline.
+    Over(Box<Transfer>, i64),
+}
+
+/// All messages on their way on a bus. There is a state for each link that was seen, so no more than
+/// identifiers that are kept apart.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Reassembly {
+    states: HashMap<Link, State, FixedState>,
+    open: usize,
+    open_bytes: usize,
+    refused: bool,
+}
+
+impl Reassembly {
+    /// Whether a link is known to carry ISO-TP.
+    pub(super) fn is_believed(&self, link: Link) -> bool {
+        self.states.get(&link).is_some_and(|state| state.believed)
+    }
+
+    /// A link carries ISO-TP, and so does the way back.
+    pub(super) fn believe(&mut self, link: Link) {
+        for link in [link, link.back()] {
+            self.states.entry(link).or_default().believed = true;
+        }
+    }
+
+    /// Takes a frame of a link.
+    pub(super) fn take(
+        &mut self,
+        link: Link,
+        message: &IsoTp<'_>,
+        address_byte: Option<u8>,
+        frame: &Frame,
+    ) -> Taken {
+        self.states.entry(link).or_default().heard = true;
+        match message {
+            IsoTp::Single { data } => {
+                let superseded = self.begin(link);
+                let single = Box::new(Transfer::single(frame, address_byte, data));
+                Taken { superseded, ended: Some(single), ..Taken::default() }
+            }
+            IsoTp::First { size, data } => {
+                let superseded = self.begin(link);
+                self.open(link, Transfer::new(frame, address_byte, *size, data));
+                Taken { superseded, ..Taken::default() }
+            }
+            IsoTp::Consecutive { sequence, data } => self.consecutive(link, *sequence, data, frame),
+            IsoTp::FlowControl(control) => {
+                let sender = self.states.entry(link.back()).or_default();
+                let Some(transfer) = &mut sender.transfer else {
+                    let odd = !std::mem::replace(&mut sender.said_control, true);
+                    let odd = [odd.then_some(Oddity::StrayFlowControl), None];
+                    return Taken { odd, is_stray: true, ..Taken::default() };
+                };
+                let odd = [transfer.flow_control(*control, frame), None];
+                let refused = control.status == FlowStatus::Overflow && odd[0].is_none();
+                let ended = if refused { self.close(link.back()) } else { None };
+                Taken { odd, ended, ..Taken::default() }
+            }
+            IsoTp::Unknown { .. } => Taken { is_stray: true, ..Taken::default() },
+        }
+    }
+
+    fn consecutive(&mut self, link: Link, sequence: u8, data: &[u8], frame: &Frame) -> Taken {
+        let receiver_is_heard = self.states.get(&link.back()).is_some_and(|state| state.heard);
+        let state = self.states.entry(link).or_default();
+        let Some(transfer) = &mut state.transfer else {
+            let odd = !std::mem::replace(&mut state.said_start, true);
+            let odd = [odd.then_some(Oddity::StartNotSeen), None];
+            return Taken { odd, is_stray: true, ..Taken::default() };
+        };
+        let before = transfer.data.len();
+        let odd = transfer.consecutive(sequence, data, frame, receiver_is_heard);
+        self.open_bytes += transfer.data.len().saturating_sub(before);
+        if !transfer.is_over() {
+            return Taken { odd, ..Taken::default() };
+        }
+        transfer.complete();
+        Taken { odd, ended: self.close(link), ..Taken::default() }
+    }
+
+    /// A message begins: gives the one that was open.
+    fn begin(&mut self, link: Link) -> Option<Box<Transfer>> {
+        let state = self.states.entry(link).or_default();
+        (state.said_start, state.said_control) = (false, false);
+        let mut superseded = self.close(link)?;
+        superseded.outcome = MessageOutcome::Superseded;
+        Some(superseded)
+    }
+
+    fn open(&mut self, link: Link, transfer: Transfer) {
+        let state = self.states.entry(link).or_default();
+        if self.open >= TRANSPORT_LIMIT {
+            self.refused = true;
+            // Its frames are not told of as frames without a beginning.
+            state.said_start = true;
+            state.said_control = true;
+            return;
+        }
+        self.open += 1;
+        self.open_bytes += transfer.data.len();
+        state.transfer = Some(Box::new(transfer));
+    }
+
+    fn close(&mut self, link: Link) -> Option<Box<Transfer>> {
+        let state = self.states.get_mut(&link)?;
+        let transfer = state.transfer.take()?;
+        state.deadline = None;
+        self.open = self.open.saturating_sub(1);
+        self.open_bytes = self.open_bytes.saturating_sub(transfer.data.len());
+        Some(transfer)
+    }
+
+    /// Whether a message is on its way.
+    pub(super) fn is_open(&self, link: Link) -> bool {
+        self.states.get(&link).is_some_and(|state| state.transfer.is_some())
+    }
+
+    /// Sets the deadline of an open message; `true` if it must go into the timer queue.
+    pub(super) fn arm(&mut self, link: Link, deadline: i64) -> bool {
+        let Some(state) = self.states.get_mut(&link).filter(|state| state.transfer.is_some()) else {
+            return false;
+        };
+        state.deadline = Some(deadline);
+        !std::mem::replace(&mut state.queued, true)
+    }
+
+    /// What to do when the timer entry of a link comes due.
+    pub(super) fn due(&mut self, link: Link, now: i64) -> Due {
+        let Some(state) = self.states.get_mut(&link) else { return Due::Nothing };
+        state.queued = false;
+        match state.deadline {
+            None => Due::Nothing,
+            Some(deadline) if deadline >= now => {
+                state.queued = true;
+                Due::Later(deadline)
+            }
+            Some(deadline) => match self.close(link) {
+                Some(mut transfer) => {
+                    transfer.time_out();
+                    Due::Over(transfer, deadline)
+                }
+                None => Due::Nothing,
+            },
+        }
+    }
+
+    /// Moves all deadlines by `delay` nanoseconds.
+    pub(super) fn postpone(&mut self, delay: i64) {
+        for state in self.states.values_mut() {
+            state.deadline = state.deadline.map(|deadline| deadline.saturating_add(delay));
+        }
+    }
+
+    /// Takes out all open messages, in the order they began.
+    pub(super) fn drain(&mut self) -> Vec<(Link, Box<Transfer>)> {
+        (self.open, self.open_bytes) = (0, 0);
+        let open = self.states.iter_mut().filter_map(|(link, state)| Some((*link, state.transfer.take()?)));
+        let mut open: Vec<_> = open.collect();
+        open.sort_by_key(|(_, transfer)| transfer.frames.first);
+        open
+    }
+
+    /// Bytes of all open messages.
+    pub(super) fn open_bytes(&self) -> usize {
+        self.open_bytes
+    }
+
+    /// Drops the data of an open message; `true` if it held any.
+    pub(super) fn give_up_data(&mut self, link: Link) -> bool {
+        let Some(transfer) = self.states.get_mut(&link).and_then(|state| state.transfer.as_mut()) else {
+            return false;
+        };
+        let held = transfer.data.len();
+        self.open_bytes = self.open_bytes.saturating_sub(held);
+        transfer.give_up_data();
+        held > 0
+    }
+
+    /// Whether a message found no room since the last question.
+    pub(super) fn take_refused(&mut self) -> bool {
+        std::mem::take(&mut self.refused)
+    }
+
+    /// Bytes held.
+    pub(super) fn footprint(&self) -> usize {
+        let open = self.states.values().filter_map(|state| state.transfer.as_ref());
+        self.states.capacity() * size_of::<(Link, State)>()
+            + open.map(|transfer| transfer.footprint()).sum::<usize>()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::CanId;
+    use crate::wire::isotp::parse;
+
+    const THERE: u32 = 0x18DA_20F1;
+    const BACK: u32 = 0x18DA_F120;
+
+    fn push(all: &mut Reassembly, id: u32, data: &[u8]) -> Taken {
+        let frame = Frame::data_frame(CanId::extended(id), data);
+        let link = Link::of(frame.id).unwrap();
+        all.take(link, &parse(data, data.len()).unwrap(), None, &frame)
+    }
+
+    #[test]
+    fn messages_of_both_ways_do_not_mix() {
+        let mut all = Reassembly::default();
+        let first = |byte| [0x10, 10, byte, byte, byte, byte, byte, byte];
+        let rest = |byte| [0x21, byte, byte, byte, byte, 0, 0, 0];
+        push(&mut all, THERE, &first(1));
+        push(&mut all, BACK, &first(2));
+        push(&mut all, BACK, &[0x30, 0, 0]);
+        push(&mut all, THERE, &[0x30, 0, 0]);
+        let ended = push(&mut all, THERE, &rest(1)).ended.unwrap();
+        assert_eq!((ended.data.clone(), ended.outcome), (vec![1; 10], MessageOutcome::Complete));
+        assert_eq!(push(&mut all, BACK, &rest(2)).ended.unwrap().data, vec![2; 10]);
+        assert_eq!((all.open, all.open_bytes), (0, 0));
+    }
+
+    #[test]
+    fn a_beginning_ends_what_was_open() {
+        let mut all = Reassembly::default();
+        push(&mut all, THERE, &[0x10, 10, 1, 1, 1, 1, 1, 1]);
+        let taken = push(&mut all, THERE, &[0x02, 0x3E, 0x00]);
+        assert_eq!(taken.superseded.unwrap().outcome, MessageOutcome::Superseded);
+        assert_eq!(taken.ended.unwrap().data, [0x3E, 0]);
+    }
+
+    #[test]
+    fn strays_are_told_once_a_run() {
+        let mut all = Reassembly::default();
+        let stray = |taken: Taken| (taken.odd[0], taken.is_stray);
+        assert_eq!(stray(push(&mut all, THERE, &[0x22, 1])), (Some(Oddity::StartNotSeen), true));
+        assert_eq!(stray(push(&mut all, THERE, &[0x23, 1])), (None, true));
+        push(&mut all, THERE, &[0x02, 0x3E, 0x00]);
+        assert_eq!(stray(push(&mut all, THERE, &[0x24, 1])), (Some(Oddity::StartNotSeen), true));
+        assert_eq!(stray(push(&mut all, BACK, &[0x30, 0, 0])), (Some(Oddity::StrayFlowControl), true));
+        assert_eq!(stray(push(&mut all, BACK, &[0x30, 0, 0])), (None, true));
+    }
+
+    #[test]
+    fn flow_control_is_missed_only_where_the_receiver_is_heard() {
+        let mut all = Reassembly::default();
+        let first = [0x10, 30, 1, 1, 1, 1, 1, 1];
+        push(&mut all, THERE, &first);
+        assert_eq!(push(&mut all, THERE, &[0x21, 1, 1, 1, 1, 1, 1, 1]).odd, [None; 2]);
+        push(&mut all, BACK, &[0x02, 0x3E, 0x00]);
+        push(&mut all, THERE, &first);
+        let odd = push(&mut all, THERE, &[0x21, 1, 1, 1, 1, 1, 1, 1]).odd;
+        assert_eq!(odd, [Some(Oddity::MissingFlowControl), None]);
+    }
+
+    #[test]
+    fn overflow_and_silence_end_a_message() {
+        let mut all = Reassembly::default();
+        push(&mut all, THERE, &[0x1F, 0xFF, 1, 1, 1, 1, 1, 1]);
+        let ended = push(&mut all, BACK, &[0x32, 0, 0]).ended.unwrap();
+        assert_eq!(ended.outcome, MessageOutcome::Overflow);
+        push(&mut all, THERE, &[0x1F, 0xFF, 1, 1, 1, 1, 1, 1]);
+        let link = Link::of(CanId::extended(THERE)).unwrap();
+        assert!(all.arm(link, 10) && !all.arm(link, 20), "one entry in the queue");
+        assert!(matches!(all.due(link, 15), Due::Later(20)));
+        let Due::Over(transfer, 20) = all.due(link, 21) else { panic!("its time is over") };
+        assert_eq!(transfer.outcome, MessageOutcome::NoFlowControl);
+        assert!(!all.is_open(link));
+    }
+
+    #[test]
+    fn as_many_are_open_as_the_limit_allows() {
+        let mut all = Reassembly::default();
+        let limit = u32::try_from(TRANSPORT_LIMIT).unwrap();
+        for number in 0..=limit {
+            assert!(!all.take_refused());
+            let id = 0x18DA_0000 | number << 8 & 0xFF00 | if number < 256 { 0xF1 } else { 0xF2 };
+            push(&mut all, id, &[0x10, 10, 1, 1, 1, 1, 1, 1]);
+        }
+        assert!(all.take_refused());
+        assert_eq!(all.open, TRANSPORT_LIMIT);
+        assert_eq!(all.drain().len(), TRANSPORT_LIMIT);
+    }
+}

@@ -1,0 +1,304 @@
+//! One ISO-TP message on its way: what its first frame promised, what came, what comes next.
+
+use crate::event::{FrameRange, MessageOutcome};
+use crate::frame::{CanId, Frame};
+use crate::session::TRANSFER_DATA_LIMIT;
+use crate::wire::isotp::{FlowControl, FlowStatus};
+
+/// What is wrong with a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Oddity {
+    /// A sequence number beyond the one expected: frames are missing.
+    SequenceGap { expected: u8, found: u8 },
+    /// The sequence number of the frame before.
+    Duplicate { found: u8 },
+    /// Consecutive frames without a first one.
+    StartNotSeen,
+    /// Consecutive frames that the receiver did not ask for, though it talks on this bus.
+    MissingFlowControl,
+    /// Flow control without a message that waits for it.
+    StrayFlowControl,
+}
+
+/// What the message waits for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Waits {
+    /// Flow control, at the beginning or behind a block.
+    FlowControl,
+    /// This many consecutive frames; all that are left where there is no number.
+    Frames(Option<u8>),
+}
+
+/// One message.
+#[derive(Debug, Clone)]
+pub(super) struct Transfer {
+    pub(super) id: CanId,
+    pub(super) flow_control: Option<CanId>,
+    pub(super) address_byte: Option<u8>,
+    pub(super) frames: FrameRange,
+    pub(super) frame_count: u64,
+    pub(super) first_time: Option<i64>,
+    pub(super) last_time: Option<i64>,
+    pub(super) announced: u32,
+    /// Bytes counted, kept or not, those of missing frames included.
+    received: u64,
+    /// Bytes of missing frames.
+    missing: u64,
+    pub(super) data: Vec<u8>,
+    /// The data is not all that was sent: none is kept from then on.
+    pub(super) truncated: bool,
+    pub(super) is_single: bool,
+    pub(super) waits: u32,
+    /// Sequence number the next frame should have.
+    next: u8,
+    waiting: Waits,
+    /// A consecutive frame was taken.
+    has_gone_on: bool,
+    /// Missing flow control was told.
+    said: bool,
+    pub(super) outcome: MessageOutcome,
+}
+
+impl Transfer {
+    /// A message that begins with `data` of `announced` bytes.
+    pub(super) fn new(frame: &Frame, address_byte: Option<u8>, announced: u32, data: &[u8]) -> Self {
+        let time = frame.time.map(|time| time.0);
+        let mut transfer = Self {
+            id: frame.id,
+            flow_control: None,
+            address_byte,
+            frames: FrameRange::one(frame.number),
+            frame_count: 1,
+            first_time: time,
+            last_time: time,
+            announced,
+            received: 0,
+            missing: 0,
+            data: Vec::new(),
+            truncated: false,
+            is_single: false,
+            waits: 0,
+            next: 1,
+            waiting: Waits::FlowControl,
+            has_gone_on: false,
+            said: false,
+            outcome: MessageOutcome::Unfinished,
+        };
+        transfer.keep(data);
+        transfer
+    }
+
+    /// A message that is one frame.
+    pub(super) fn single(frame: &Frame, address_byte: Option<u8>, data: &[u8]) -> Self {
+        let announced = u32::try_from(data.len()).unwrap_or(u32::MAX);
+        let mut transfer = Self::new(frame, address_byte, announced, data);
+        transfer.is_single = true;
+        transfer.outcome = MessageOutcome::Complete;
+        transfer
+    }
+
+    /// Another frame belongs to it.
+    fn add_frame(&mut self, frame: &Frame) {
+        self.frames.last = frame.number;
+        self.frame_count += 1;
+        self.last_time = frame.time.map(|time| time.0).or(self.last_time);
+    }
+
+    /// Takes data; what is over a limit is counted only. Padding of the last frame is left out.
+    fn keep(&mut self, bytes: &[u8]) {
+        let left = u64::from(self.announced).saturating_sub(self.received);
+        let bytes = bytes.get(..usize::try_from(left).unwrap_or(usize::MAX)).unwrap_or(bytes);
+        self.received += bytes.len() as u64;
+        let limit = if self.truncated { 0 } else { TRANSFER_DATA_LIMIT };
+        let kept = bytes.get(..limit.saturating_sub(self.data.len())).unwrap_or(bytes);
+        self.truncated |= kept.len() < bytes.len();
+        self.data.extend_from_slice(kept);
+    }
+
+    /// A consecutive frame; `receiver_is_heard`: its flow control would be in the capture. Gives what is
+    /// wrong with it.
+    pub(super) fn consecutive(
+        &mut self,
+        sequence: u8,
+        data: &[u8],
+        frame: &Frame,
+        receiver_is_heard: bool,
+    ) -> [Option<Oddity>; 2] {
+        self.add_frame(frame);
+        if sequence == self.next.wrapping_sub(1) & 0x0F && self.has_gone_on {
+            return [None, Some(Oddity::Duplicate { found: sequence })];
+        }
+        let unasked = self.waiting == Waits::FlowControl && receiver_is_heard && !self.said;
+        self.said |= unasked;
+        let lost = sequence.wrapping_sub(self.next) & 0x0F;
+        let gap = (lost > 0).then_some(Oddity::SequenceGap { expected: self.next, found: sequence });
+        if lost > 0 {
+            // Only the number of lost frames modulo 16 is known; what follows is no continuation.
+            self.truncated = true;
+            let bytes = u64::from(lost) * data.len() as u64;
+            let left = u64::from(self.announced).saturating_sub(self.received);
+            self.received += bytes.min(left);
+            self.missing += bytes.min(left);
+        }
+        self.keep(data);
+        self.next = sequence.wrapping_add(1) & 0x0F;
+        self.has_gone_on = true;
+        self.waiting = match self.waiting {
+            Waits::Frames(Some(left)) if left <= 1 + lost => Waits::FlowControl,
+            Waits::Frames(Some(left)) => Waits::Frames(Some(left - 1 - lost)),
+            _ if unasked => Waits::Frames(None),
+            waiting => waiting,
+        };
+        [unasked.then_some(Oddity::MissingFlowControl), gap]
+    }
+
+    /// Flow control of the receiver; gives what is wrong with it.
+    pub(super) fn flow_control(&mut self, control: FlowControl, frame: &Frame) -> Option<Oddity> {
+        self.add_frame(frame);
+        self.flow_control = Some(frame.id);
+        if self.waiting != Waits::FlowControl {
+            return Some(Oddity::StrayFlowControl);
+        }
+        match control.status {
+            FlowStatus::Continue => {
+                self.waiting = Waits::Frames(Some(control.block_size).filter(|size| *size != 0));
+            }
+            FlowStatus::Wait => self.waits = self.waits.saturating_add(1),
+            FlowStatus::Overflow => self.outcome = MessageOutcome::Overflow,
+        }
+        None
+    }
+
+    /// All bytes came, those of missing frames included.
+    pub(super) fn is_over(&self) -> bool {
+        self.received >= u64::from(self.announced)
+    }
+
+    /// It ends with all its bytes.
+    pub(super) fn complete(&mut self) {
+        self.outcome = if self.missing == 0 { MessageOutcome::Complete } else { MessageOutcome::Incomplete };
+    }
+
+    /// It ends because nothing more came.
+    pub(super) fn time_out(&mut self) {
+        self.outcome = match self.waiting {
+            Waits::FlowControl => MessageOutcome::NoFlowControl,
+            Waits::Frames(_) => MessageOutcome::Timeout,
+        };
+    }
+
+    /// Bytes seen.
+    pub(super) fn size(&self) -> u64 {
+        self.received.saturating_sub(self.missing)
+    }
+
+    /// Drops the data: what comes is counted only.
+    pub(super) fn give_up_data(&mut self) {
+        self.data = Vec::new();
+        self.truncated = true;
+    }
+
+    /// Nanoseconds from first to last frame.
+    pub(super) fn duration(&self) -> Option<i64> {
+        Some(self.last_time?.saturating_sub(self.first_time?))
+    }
+
+    /// Bytes held.
+    pub(super) fn footprint(&self) -> usize {
+        size_of::<Self>() + self.data.capacity()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(number: u64) -> Frame {
+        let mut frame = Frame::data_frame(CanId::standard(0x7E8), &[]);
+        frame.number = number;
+        frame
+    }
+
+    const GO_ON: FlowControl =
+        FlowControl { status: FlowStatus::Continue, block_size: 0, separation_time: 0 };
+
+    fn begun(announced: u32) -> Transfer {
+        Transfer::new(&frame(1), None, announced, &[1, 2, 3, 4, 5, 6])
+    }
+
+    #[test]
+    fn the_padding_of_the_last_frame_is_left_out() {
+        let mut transfer = begun(9);
+        assert_eq!(transfer.flow_control(GO_ON, &frame(2)), None);
+        assert_eq!(transfer.consecutive(1, &[7, 8, 9, 0xAA, 0xAA, 0xAA, 0xAA], &frame(3), true), [None; 2]);
+        assert!(transfer.is_over());
+        transfer.complete();
+        assert_eq!(transfer.outcome, MessageOutcome::Complete);
+        assert_eq!(transfer.data, [1, 2, 3, 4, 5, 6, 7, 8, 9]);
+    }
+
+    #[test]
+    fn a_gap_ends_the_data_but_not_the_message() {
+        let mut transfer = begun(27);
+        transfer.flow_control(GO_ON, &frame(2));
+        let gap = transfer.consecutive(2, &[0; 7], &frame(3), true)[1];
+        assert_eq!(gap, Some(Oddity::SequenceGap { expected: 1, found: 2 }));
+        assert_eq!(transfer.consecutive(3, &[0; 7], &frame(4), true), [None; 2]);
+        assert!(transfer.is_over());
+        transfer.complete();
+        // No frame is before the first one: 0 is a gap of fifteen.
+        let mut early = begun(200);
+        early.flow_control(GO_ON, &frame(2));
+        let gap = early.consecutive(0, &[0; 7], &frame(3), true)[1];
+        assert_eq!(gap, Some(Oddity::SequenceGap { expected: 1, found: 0 }));
+        // 6 bytes of the first frame, 7 missing, 7 and 7 seen.
+        assert_eq!((transfer.outcome, transfer.size()), (MessageOutcome::Incomplete, 20));
+        assert_eq!((transfer.data.len(), transfer.truncated), (6, true));
+    }
+
+    #[test]
+    fn a_frame_sent_twice_counts_once() {
+        let mut transfer = begun(20);
+        transfer.flow_control(GO_ON, &frame(2));
+        assert_eq!(transfer.consecutive(1, &[7; 7], &frame(3), true), [None; 2]);
+        let again = transfer.consecutive(1, &[7; 7], &frame(4), true)[1];
+        assert_eq!(again, Some(Oddity::Duplicate { found: 1 }));
+        assert_eq!(transfer.data.len(), 13);
+        // Sequence numbers go on with 0 behind 15.
+        transfer.next = 0;
+        assert_eq!(transfer.consecutive(0, &[7; 7], &frame(5), true), [None; 2]);
+        assert_eq!(transfer.next, 1);
+    }
+
+    #[test]
+    fn a_block_waits_for_flow_control() {
+        let mut transfer = begun(40);
+        transfer.flow_control(FlowControl { block_size: 2, ..GO_ON }, &frame(2));
+        transfer.consecutive(1, &[0; 7], &frame(3), true);
+        assert_eq!(transfer.flow_control(GO_ON, &frame(4)), Some(Oddity::StrayFlowControl));
+        transfer.consecutive(2, &[0; 7], &frame(5), true);
+        let unasked = transfer.consecutive(3, &[0; 7], &frame(6), true);
+        assert_eq!(unasked, [Some(Oddity::MissingFlowControl), None]);
+        assert_eq!(transfer.consecutive(4, &[0; 7], &frame(7), true), [None; 2]);
+    }
+
+    #[test]
+    fn who_is_silent_decides_how_it_times_out() {
+        let mut transfer = begun(40);
+        transfer.time_out();
+        assert_eq!(transfer.outcome, MessageOutcome::NoFlowControl);
+        let wait = FlowControl { status: FlowStatus::Wait, ..GO_ON };
+        assert_eq!(transfer.flow_control(wait, &frame(2)), None);
+        assert_eq!(transfer.waits, 1);
+        transfer.flow_control(GO_ON, &frame(3));
+        transfer.time_out();
+        assert_eq!(transfer.outcome, MessageOutcome::Timeout);
+    }
+
+    #[test]
+    fn what_is_announced_costs_nothing() {
+        let transfer = begun(u32::MAX);
+        assert!(transfer.footprint() < 1024);
+        assert_eq!(transfer.size(), 6);
+    }
+}

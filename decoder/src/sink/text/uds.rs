@@ -1,0 +1,203 @@
+//! The words of ISO-TP messages and UDS exchanges.
+
+use std::fmt::Write as _;
+
+use super::Tone;
+use super::line::{Words, bytes, millis, seconds};
+use crate::event::{Ends, Event, EventKind, ExchangeOutcome, IsoTpTransfer, MessageOutcome, UdsExchange};
+use crate::profile::{Device, Effect, Value, ValueIn, uds};
+use crate::query::record::device as device_of;
+use crate::session::Bus;
+
+/// The columns of an event of ISO-TP or UDS; `None` if it is none.
+pub(super) fn words(event: &Event, bus: &Bus) -> Option<Words> {
+    Some(match &event.kind {
+        EventKind::IsoTpTransfer(message) => isotp(message),
+        EventKind::UdsExchange(exchange) => {
+            let (what, tone) = exchange_words(exchange, device_of(event, bus));
+            Words { who: talk(exchange, event, bus), kind: "UDS", what, tone }
+        }
+        _ => return None,
+    })
+}
+
+/// `F1`, of another net `1:F1`.
+fn address(address: u16) -> String {
+    let [net, node] = address.to_be_bytes();
+    if net == 0 { format!("{node:02X}") } else { format!("{net}:{node:02X}") }
+}
+
+/// `F1→20`; the name of the server where identifiers are those of the bus file.
+fn path(ends: &Ends) -> String {
+    match (ends.source, ends.target, &ends.server) {
+        (Some(source), Some(target), _) => {
+            let group = if ends.functional { " (all)" } else { "" };
+            format!("{}→{}{group}", address(source), address(target))
+        }
+        (_, _, Some(server)) => server.to_string(),
+        _ if ends.functional => "all".to_owned(),
+        _ => String::new(),
+    }
+}
+
+/// `tester F1→20`, `tester F1→20 boom`, `tester→ECU`.
+fn talk(exchange: &UdsExchange, event: &Event, bus: &Bus) -> String {
+    let path = path(&exchange.ends);
+    if exchange.ends.source.is_none() {
+        return format!("tester→{path}");
+    }
+    let node = event.node.and_then(|node| bus.node(node).and_then(|node| node.name()));
+    node.map_or_else(|| format!("tester {path}"), |name| format!("tester {path} {name}"))
+}
+
+fn isotp(message: &IsoTpTransfer) -> Words {
+    let mut what = format!("{} of {} bytes", message.size, message.announced);
+    let (said, tone) = match message.outcome {
+        MessageOutcome::Complete => (" complete", Tone::Quiet),
+        MessageOutcome::Incomplete => (", frames in between not seen", Tone::Caution),
+        MessageOutcome::NoFlowControl => (", NO FLOW CONTROL came", Tone::Bad),
+        MessageOutcome::Timeout => (", the sender did not go on", Tone::Bad),
+        MessageOutcome::Overflow => (", REFUSED: the receiver has no room for it", Tone::Bad),
+        MessageOutcome::Superseded => (", given up: another one began", Tone::Caution),
+        MessageOutcome::Unfinished => (", unfinished when the capture ends", Tone::Caution),
+    };
+    what.push_str(said);
+    if message.waits > 0 {
+        let _ = write!(what, " ({} × wait)", message.waits);
+    }
+    if !message.data.is_empty() {
+        let _ = write!(what, ": {}", bytes(&message.data));
+    }
+    Words { who: path(&message.ends), kind: "ISO-TP", what, tone }
+}
+
+fn exchange_words(exchange: &UdsExchange, device: &Device) -> (String, Tone) {
+    let mut what = format!("{:02X}", exchange.service);
+    let known = uds().service(exchange.service);
+    if let Some(service) = known {
+        let _ = write!(what, " {}", service.name);
+    }
+    if let Some(sub_function) = exchange.sub_function {
+        let _ = match uds().sub_function(exchange.service, sub_function.value) {
+            Some(name) => write!(what, " {name}"),
+            None => write!(what, " {:02X}", sub_function.value),
+        };
+        if known.is_some_and(|service| service.code == SECURITY_ACCESS) {
+            let _ = write!(what, " {:02X}", sub_function.value);
+        }
+    }
+    if let Some(identifier) = exchange.identifier {
+        let _ = write!(what, " {identifier:04X}");
+        if let Some(name) = exchange.name() {
+            let _ = write!(what, " {name}");
+        }
+    }
+    what.push_str(&content(exchange));
+    let tone = outcome(exchange, device, &mut what);
+    times(exchange, &mut what);
+    if let Some(effect) = exchange.effect {
+        let _ = match effect {
+            Effect::AtOnce => write!(what, " | active now"),
+            Effect::Never => write!(what, " | accepted, never effective"),
+            effect => write!(what, " | active {}", effect.when()),
+        };
+    }
+    (what, tone)
+}
+
+/// Odd and even sub-functions are seed and key of a security level, which the number tells.
+const SECURITY_ACCESS: u8 = 0x27;
+
+/// ` = "WAUZ…"`, ` = 33`; the bytes behind what was named where no value is known.
+fn content(exchange: &UdsExchange) -> String {
+    let shown = exchange.decoded().filter(|value| !matches!(value, Value::Bytes(_)));
+    if let Some(value) = shown {
+        return match exchange.meaning.as_deref() {
+            Some(meaning) if meaning.is_outside(&value) => format!(" = {} (outside)", meaning.show(&value)),
+            Some(meaning) => format!(" = {}", meaning.show(&value)),
+            None => format!(" = {}", short(&value)),
+        };
+    }
+    let service = uds().service(exchange.service);
+    let behind = |data: &[u8], is_response: bool| {
+        let rest = data.get(1..).unwrap_or_default();
+        let shape = service.map(|service| if is_response { service.response() } else { service.request() });
+        bytes(shape.map_or(rest, |shape| shape.record(rest)))
+    };
+    let request = exchange.request.as_ref().map_or(String::new(), |request| behind(&request.data, false));
+    let is_read = service.and_then(|service| service.value_in()) == Some(ValueIn::Response);
+    let answered = exchange.response.as_ref().filter(|_| exchange.nrc.is_none());
+    let response = answered.map_or(String::new(), |response| behind(&response.data, true));
+    match (request.is_empty(), response.is_empty()) {
+        (true, true) => String::new(),
+        (true, false) if is_read => format!(" = {response}"),
+        (true, false) => format!(" → {response}"),
+        (false, true) => format!(" {request}"),
+        (false, false) => format!(" {request} → {response}"),
+    }
+}
+
+/// Longest text a line shows.
+const SHOWN_CHARACTERS: usize = 48;
+
+/// A text, cut where it is too long for a line.
+fn short(value: &Value) -> String {
+    match value {
+        Value::Text(text) if text.chars().count() > SHOWN_CHARACTERS => {
+            let begin: String = text.chars().take(SHOWN_CHARACTERS).collect();
+            format!("{} …", Value::Text(begin))
+        }
+        value => value.to_string(),
+    }
+}
+
+fn outcome(exchange: &UdsExchange, device: &Device, what: &mut String) -> Tone {
+    match (exchange.outcome, exchange.nrc) {
+        (ExchangeOutcome::Negative | ExchangeOutcome::Unsolicited, Some(code)) => {
+            let standard = uds().code(code).map_or("unknown code", |known| known.text.as_str());
+            let _ = match device.uds.nrc(code, exchange.service, exchange.identifier) {
+                Some(own) if own.text != standard => {
+                    write!(what, " REFUSED {code:02X}: {} (ISO 14229: {standard})", own.text)
+                }
+                _ => write!(what, " REFUSED {code:02X}: {standard}"),
+            };
+            if exchange.outcome == ExchangeOutcome::Unsolicited {
+                what.push_str(" (request not seen)");
+            }
+            Tone::Bad
+        }
+        (ExchangeOutcome::Positive | ExchangeOutcome::Negative, _) => {
+            what.push_str(" ok");
+            Tone::Plain
+        }
+        (ExchangeOutcome::Unsolicited, _) => {
+            what.push_str(" ok (request not seen)");
+            Tone::Caution
+        }
+        (ExchangeOutcome::NoAnswer, _) => {
+            what.push_str(" NO ANSWER");
+            Tone::Bad
+        }
+        (ExchangeOutcome::Suppressed, _) => {
+            what.push_str(" no answer asked for");
+            Tone::Quiet
+        }
+        (ExchangeOutcome::Unfinished, _) => {
+            what.push_str(" unfinished when the capture ends");
+            Tone::Caution
+        }
+    }
+}
+
+/// ` dt=8.0ms`, ` (2 × pending, 4.200 s)`, and whether bytes are missing.
+fn times(exchange: &UdsExchange, what: &mut String) {
+    if exchange.request.iter().chain(&exchange.response).any(|message| message.truncated) {
+        what.push_str(" (not all bytes kept)");
+    }
+    let _ = match (exchange.pending, exchange.latency) {
+        (0, Some(latency)) => write!(what, " dt={}ms", millis(latency)),
+        (0, None) => Ok(()),
+        (pending, Some(latency)) => write!(what, " ({pending} × pending, {} s)", seconds(latency)),
+        (pending, None) => write!(what, " ({pending} × pending)"),
+    };
+}
