@@ -3,6 +3,7 @@
 //! `profiles/README.md` says what a sample states. What it states is never taken from this program.
 
 mod run;
+mod uds;
 
 use std::fmt::Display;
 use std::ops::Range;
@@ -90,6 +91,12 @@ impl Run<'_> {
                 _ => None,
             });
             self.found(emcy, "an EMCY", &outcomes, Self::emcy);
+        } else if sample.uds.is_some() || sample.nrc.is_some() {
+            let exchange = outcomes.find(|kind| match kind {
+                EventKind::UdsExchange(exchange) => Some(&**exchange),
+                _ => None,
+            });
+            self.found(exchange, "the answer to a UDS request", &outcomes, Self::exchange);
         } else if sample.object.is_some() || sample.abort.is_some() {
             let transfer = outcomes.find(|kind| match kind {
                 EventKind::SdoTransfer(transfer) => Some(&**transfer),
@@ -104,7 +111,7 @@ impl Run<'_> {
             self.gate(gate, &outcomes);
         } else {
             self.say(
-                "it states nothing: give pdo, message, emcy, dtc, object, abort, state, procedure or gate",
+                "it states nothing: give pdo, message, emcy, dtc, object, abort, uds, nrc, state, procedure or gate",
             );
         }
     }

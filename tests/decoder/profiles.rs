@@ -212,7 +212,7 @@ fn a_sample_that_shows_nothing_is_wrong() {
     assert_eq!(
         wrong(&format!("{about}frames = [\"181#EF01\"]")),
         [
-            "16: acme-pump: sample: x: it states nothing: give pdo, message, emcy, dtc, object, abort, state, procedure or gate"
+            "16: acme-pump: sample: x: it states nothing: give pdo, message, emcy, dtc, object, abort, uds, nrc, state, procedure or gate"
         ]
     );
     assert_eq!(
