@@ -28,7 +28,7 @@ pub fn options(name: &Path, expected: &Expected, catalogue: &Catalogue) -> Sessi
 }
 
 /// The frame at which the capture is to begin.
-fn cut(expected: &Expected) -> u64 {
+pub fn cut(expected: &Expected) -> u64 {
     let mut cuts = expected.remarks.iter().filter_map(|remark| remark.strip_prefix("cut:"));
     cuts.next().map_or(1, |cut| cut.trim().parse().unwrap())
 }

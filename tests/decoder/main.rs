@@ -32,3 +32,4 @@ mod schema;
 #[path = "../support/mod.rs"]
 mod support;
 mod tidy;
+mod uds;

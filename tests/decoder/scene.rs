@@ -269,7 +269,7 @@ fn same(key: &str, expected: &str, found: &str) -> bool {
     if expected == found || is_unknown {
         return true;
     }
-    if !matches!(key, "value" | "duration") {
+    if !matches!(key, "value" | "duration" | "latency") {
         return false;
     }
     let (Ok(wanted), Ok(is)) = (expected.parse::<f64>(), found.parse::<f64>()) else { return false };

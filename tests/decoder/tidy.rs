@@ -115,7 +115,7 @@ fn nothing_is_left_for_later() {
 fn every_fixture_is_described() {
     let readme = fs::read_to_string(workspace().join("fixtures/README.md")).unwrap();
     let mut missing = Vec::new();
-    for folder in ["canopen", "devices", "dialects", "j1939"] {
+    for folder in ["canopen", "devices", "dialects", "uds", "j1939"] {
         for entry in fs::read_dir(workspace().join("fixtures").join(folder)).unwrap() {
             let name = entry.unwrap().file_name().to_string_lossy().into_owned();
             let stem = name.split('.').next().unwrap().to_owned();
