@@ -38,6 +38,27 @@ fn one_pasted_frame() {
 }
 
 #[test]
+fn diagnostics() {
+    // ISO 14229-1 Annex A.1 and C.1.
+    let code = explain("nrc:31");
+    assert!(code.starts_with("31  UDS negative response: out of range\n"), "{code}");
+    assert!(code.contains("request-out-of-range") && code.contains("danfoss-pve-ci"), "{code}");
+    assert!(explain("did:F190").starts_with("F190  UDS identifier: VIN\n"));
+    // UDS - change Node ID: 1001 is sent 01 10; 1BC78820 is node F1 to node 20.
+    let own = by("danfoss-pve-ci", "did:0x1001");
+    assert!(own.contains("UDS identifier: node-ID") && own.contains("01 10"), "{own}");
+    let frame = by("danfoss-pve-ci", "1BC78820#042E011021");
+    assert!(frame.starts_with("ISO-TP from F1 to 20 (EDP and DP set"), "{frame}");
+    assert!(
+        frame.contains("request 2E write data by identifier, identifier 1001 node-ID, data 21"),
+        "{frame}"
+    );
+    assert!(explain("1BC78820#042E011021").contains("of danfoss-pve-ci: 1001 node-ID"));
+    assert!(explain("18DAF120#037F2231").contains("negative response to 22"));
+    assert!(explain("18DAF120#30081400").contains("8 frames, 20000 µs"));
+}
+
+#[test]
 fn anything_else_says_what_is_understood() {
     let output = run(&["explain", "pump"], "");
     assert_eq!(output.code, 2);

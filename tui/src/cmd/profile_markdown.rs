@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use cobscope_decoder::profile::Device;
 use cobscope_decoder::sink::escape;
 
-use super::describe::{FIRM, behaviour, j1939, network};
+use super::describe::{FIRM, behaviour, j1939, network, uds};
 use super::profiles::counts;
 
 /// Tables of what the device does; its objects stand in the page of text only.
@@ -36,6 +36,10 @@ pub(super) fn markdown(device: &Device) -> String {
     let columns = ["SPN/FMI", "meaning", "check", "section"];
     table(&mut text, "J1939 faults", &columns, faults(device));
     table(&mut text, "SDO abort codes", &["code", "meaning", "of objects", "section"], aborts(device));
+    let columns = ["identifier", "name", "what", "section"];
+    table(&mut text, "UDS identifiers", &columns, uds_identifiers(device));
+    let columns = ["code", "meaning", "of", "section"];
+    table(&mut text, "UDS negative responses", &columns, uds_codes(device));
     let columns = ["name", "statement", "severity", "section"];
     table(&mut text, "Statements a capture can violate", &columns, rules(device));
     table(&mut text, "Waived rules", &["rule", "why", "section"], waivers(device));
@@ -148,6 +152,18 @@ fn aborts(device: &Device) -> Vec<Vec<String>> {
         vec![format!("{:08X}", abort.code), abort.text.clone(), objects.join(", "), abort.source.clone()]
     });
     rows.collect()
+}
+
+fn uds_identifiers(device: &Device) -> Vec<Vec<String>> {
+    let rows = device.uds.identifier.iter().map(|it| it.get_ref());
+    let rows = rows
+        .map(|it| vec![format!("{:04X}", it.id), it.name.clone(), uds::identifier(it), it.source.clone()]);
+    rows.collect()
+}
+
+fn uds_codes(device: &Device) -> Vec<Vec<String>> {
+    let rows = device.uds.nrc.iter();
+    rows.map(|it| vec![format!("{:02X}", it.code), it.text.clone(), uds::of(it), it.source.clone()]).collect()
 }
 
 fn rules(device: &Device) -> Vec<Vec<String>> {

@@ -5,11 +5,12 @@ use std::fmt::Write as _;
 use cobscope_decoder::profile::Device;
 use cobscope_decoder::profile::device::{
     AbortText, DeviceRule, ErrorCode, Gate, Machine, Masked, MessageSpec, PdoSpec, Procedure, TroubleCode,
+    UdsIdentifier, UdsNrc,
 };
 use cobscope_decoder::sink::escape;
 
 use super::describe::network::{self, Fact};
-use super::describe::{behaviour, fold, j1939, object, section as cite};
+use super::describe::{behaviour, fold, j1939, object, section as cite, uds};
 
 /// Everything the profile says, in short.
 pub(super) fn page(device: &Device) -> String {
@@ -36,6 +37,8 @@ pub(super) fn page(device: &Device) -> String {
     section(&mut text, "EMCY codes", device.emcy.code.iter().map(emcy_line));
     section(&mut text, "J1939 faults (SPN/FMI)", device.j1939.dtc.iter().map(dtc_line));
     section(&mut text, "SDO abort codes", device.aborts.iter().map(abort_line));
+    section(&mut text, "UDS identifiers", device.uds.identifier.iter().map(|it| uds_line(it.get_ref())));
+    section(&mut text, "UDS negative responses", device.uds.nrc.iter().map(nrc_line));
     section(&mut text, "Statements a capture can violate", rules(&device.rules).into_iter().map(rule_line));
     let waivers = device.waivers.iter().map(|it| format!("{}: {}  {}", it.rule, it.text, cite(&it.source)));
     section(&mut text, "Waived rules", waivers);
@@ -123,6 +126,18 @@ fn abort_line(abort: &AbortText) -> String {
     let objects: Vec<_> = abort.objects.iter().map(ToString::to_string).collect();
     let of = if objects.is_empty() { String::new() } else { format!(" (of {})", objects.join(", ")) };
     format!("{:08X}  {}{of}  {}", abort.code, abort.text, cite(&abort.source))
+}
+
+fn uds_line(identifier: &UdsIdentifier) -> String {
+    let note = if identifier.note.is_empty() { String::new() } else { format!("; {}", identifier.note) };
+    let what = uds::identifier(identifier);
+    format!("{:04X}  {}: {what}{note}  {}", identifier.id, identifier.name, cite(&identifier.source))
+}
+
+fn nrc_line(nrc: &UdsNrc) -> String {
+    let of = uds::of(nrc);
+    let of = if of.is_empty() { of } else { format!(" (of {of})") };
+    format!("{:02X}  {}{of}  {}", nrc.code, nrc.text, cite(&nrc.source))
 }
 
 fn rule_line((name, rule): (String, &DeviceRule)) -> String {

@@ -4,6 +4,7 @@ pub(super) mod behaviour;
 pub(super) mod j1939;
 pub(super) mod network;
 pub(super) mod object;
+pub(super) mod uds;
 
 use cobscope_decoder::sink::escape;
 

@@ -6,7 +6,7 @@ use cobscope_decoder::profile::Device;
 use cobscope_decoder::profile::device::{AtBoot, Boot, Cleared, Identity, Monitoring, Order, OrderName};
 
 use super::object::named;
-use super::{behaviour, j1939, spaced};
+use super::{behaviour, j1939, spaced, uds};
 
 /// A fact with its heading and section.
 pub(in crate::cmd) struct Fact {
@@ -25,6 +25,10 @@ pub(in crate::cmd) fn facts(device: &Device) -> Vec<Fact> {
     facts.push(fact("watched by", watched(&device.monitoring), &device.monitoring.source));
     facts.push(fact("EMCY", emcy(device), &device.emcy.source));
     facts.push(fact("J1939", j1939::facts(device), &device.j1939.source));
+    if !device.uds.is_empty() {
+        let note = if device.uds.note.is_empty() { String::new() } else { format!("; {}", device.uds.note) };
+        facts.push(fact("UDS", format!("{}{note}", uds::order(device)), &device.uds.source));
+    }
     facts.push(fact("new node-ID", node_id(device), &device.identity_change.source));
     facts.retain(|fact| !fact.text.is_empty());
     facts

@@ -15,10 +15,11 @@ use cobscope_decoder::session::{AssignedBy, Assignment, Bus, ProtocolChoice, Ses
 use cobscope_decoder::sink::text::{PdoLines, Text, TextOptions};
 use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::wire::canopen::sdo::{self, Phase};
+use cobscope_decoder::wire::isotp::Addresses;
 use cobscope_decoder::wire::j1939::J1939Id;
 
 use super::asked::Asked;
-use super::{code, identifier, j1939};
+use super::{code, identifier, j1939, uds};
 use crate::cmd::describe::{FIRM, object::equals};
 
 /// The frame's readings; `None` if it is none.
@@ -30,11 +31,11 @@ pub(super) fn frame(thing: &str, asked: &Asked) -> Option<String> {
     while reader.read(&mut batch).ok()? {
         for item in batch.items() {
             let Item::Frame(frame) = item else { continue };
-            let mut head = match frame.id {
-                CanId::Standard(id) => identifier::identifier(id),
-                CanId::Extended(id) => j1939::identifier(id).unwrap_or_default(),
+            let mut head = match (uds::frame(frame, asked), frame.id) {
+                (Some(isotp), _) => isotp,
+                (None, CanId::Standard(id)) => identifier::identifier(id) + &command(frame),
+                (None, CanId::Extended(id)) => j1939::identifier(id).unwrap_or_default() + &command(frame),
             };
-            head.push_str(&command(frame));
             let mut codes = Vec::new();
             let options = options(frame.id, asked);
             let lines =
@@ -131,6 +132,10 @@ fn nodes(id: CanId, device: &Device) -> Vec<NodeId> {
 
 /// The sender of a J1939 message, and the address it is meant for.
 fn addresses(id: u32, device: &Device) -> Vec<NodeId> {
+    if let Some(found) = Addresses::of(id) {
+        let ends = [found.source, found.target].into_iter().filter_map(|address| u8::try_from(address).ok());
+        return ends.map(NodeId::Canopen).filter(|node| node.is_valid()).collect();
+    }
     let Some(id) = J1939Id::of(id) else { return Vec::new() };
     let [first, last] = device.j1939.addresses.unwrap_or([0, 253]);
     let takes = |address: &u8| {

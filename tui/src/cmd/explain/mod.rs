@@ -6,6 +6,7 @@ mod frame;
 mod identifier;
 mod j1939;
 mod object;
+mod uds;
 
 use std::io::Write as _;
 use std::path::PathBuf;
@@ -24,7 +25,7 @@ const LAST_IDENTIFIER: u32 = 0x1FFF_FFFF;
 /// The forms that are understood, for who gave another one.
 const FORMS: &str = "expected an SDO abort code (06020000), an EMCY code (8130), an object (1018:01, 1018sub1, \
                      1018h:01h), a COB-ID (185), a 29-bit identifier (18FECA80), a group (pgn:65226), a J1939 fault \
-                     (298985/19: SPN/FMI) or a frame (701#05)";
+                     (298985/19: SPN/FMI), a UDS response code (nrc:31) or identifier (did:F190), or a frame (701#05)";
 
 /// Runs the command: every reading that fits, the likeliest first.
 pub fn run(thing: &str, device: Option<&str>, profiles: &[PathBuf]) -> Exit {
@@ -62,6 +63,9 @@ fn refuse(error: &ProfileError) -> Exit {
 
 /// The readings of something without `#`.
 fn code(thing: &str, asked: &Asked) -> Vec<String> {
+    if let Some(reading) = uds::named(thing, asked) {
+        return vec![reading];
+    }
     if let Ok(address) = thing.parse::<ObjectAddress>()
         && (thing.contains(':') || thing.contains("sub"))
     {

@@ -1,0 +1,48 @@
+//! What a profile says of UDS, in words.
+
+use cobscope_decoder::profile::Device;
+use cobscope_decoder::profile::Effect;
+use cobscope_decoder::profile::device::{UdsIdentifier, UdsNrc};
+use cobscope_decoder::profile::object::Role;
+use cobscope_decoder::wire::canopen::emcy::ByteOrder;
+
+/// How identifiers and numbers are sent.
+pub(in crate::cmd) fn order(device: &Device) -> &'static str {
+    match device.uds.order() {
+        ByteOrder::LsbFirst => "identifiers least significant byte first",
+        ByteOrder::MsbFirst => "identifiers most significant byte first",
+    }
+}
+
+/// `rw UNSIGNED8, 1 to 127, 32 as delivered, the node-ID, active after reset node`.
+pub(in crate::cmd) fn identifier(identifier: &UdsIdentifier) -> String {
+    let access = identifier.access.map_or("", |access| access.name());
+    let kind = identifier.data_type.map_or(String::new(), |data_type| data_type.name());
+    let unit = if identifier.unit.is_empty() { String::new() } else { format!(" {}", identifier.unit) };
+    let role = match identifier.role {
+        Some(Role::NodeId) => "the node-ID".to_owned(),
+        Some(role) => role.name().to_owned(),
+        None => String::new(),
+    };
+    let effect = match identifier.effect {
+        Effect::Unknown => String::new(),
+        Effect::AtOnce => "active at once".into(),
+        Effect::Never => "accepted, never effective".into(),
+        effect => format!("active {}", effect.when()),
+    };
+    let parts = [
+        format!("{access} {kind}").trim().to_owned(),
+        identifier.range.map_or(String::new(), |[least, most]| format!("{least} to {most}{unit}")),
+        identifier.default.map_or(String::new(), |default| format!("{default}{unit} as delivered")),
+        role,
+        effect,
+    ];
+    parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(", ")
+}
+
+/// `service 2E, identifier 1001`; empty where the text holds for all.
+pub(in crate::cmd) fn of(nrc: &UdsNrc) -> String {
+    let services = nrc.services.iter().map(|service| format!("service {service:02X}"));
+    let identifiers = nrc.identifiers.iter().map(|id| format!("identifier {id:04X}"));
+    services.chain(identifiers).collect::<Vec<_>>().join(", ")
+}
