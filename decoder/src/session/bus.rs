@@ -6,7 +6,7 @@ use super::belief::Belief;
 use super::canopen::{Channels, LssState, SyncState};
 use super::clock::Clock;
 use super::device::Restart;
-use super::j1939::{Claims, J1939Belief};
+use super::j1939::{Claims, J1939Belief, Transports};
 use super::node::Node;
 use super::routes::{Origin, Routes, Service};
 use super::timers::Timers;
@@ -38,6 +38,7 @@ pub struct Bus {
     /// Place in `nodes` + 1 by [`NodeId::place`], 0 = none.
     pub(super) node_by_id: Box<[u16; NODE_PLACES]>,
     pub(super) channels: Channels,
+    pub(super) transports: Transports,
     pub(super) sync: SyncState,
     pub(super) lss: LssState,
     pub(super) uds: UdsState,
@@ -82,6 +83,7 @@ impl Bus {
             nodes: Vec::new(),
             node_by_id: Box::new([0; NODE_PLACES]),
             channels: Channels::default(),
+            transports: Transports::default(),
             sync: SyncState::default(),
             lss: LssState::default(),
             uds: UdsState::default(),
@@ -157,6 +159,7 @@ impl Bus {
     /// Nothing more comes: ends what is open.
     pub fn finish(&mut self, out: &mut dyn Observer) {
         self.finish_transfers(out);
+        self.finish_transports(out);
         self.finish_messages(out);
         self.finish_uds(out);
         let (count, extended) = self.undecoded;

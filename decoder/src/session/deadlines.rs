@@ -53,6 +53,7 @@ impl Bus {
     /// Moves every deadline that is not over yet by `delay`.
     fn postpone(&mut self, delay: i64) {
         self.channels.postpone(delay);
+        self.transports.postpone(delay);
         for cadence in self.routes.cadences_mut() {
             cadence.postpone(delay);
         }
@@ -80,6 +81,7 @@ impl Bus {
                 Subject::Message(slot) => self.message_deadline(slot, now, out),
                 Subject::IsoTp(link) => self.isotp_deadline(link, now, out),
                 Subject::UdsRequest(link) => self.uds_deadline(link, now, out),
+                Subject::Transport(place) => self.transport_deadline(place, now, out),
             }
         }
     }

@@ -37,13 +37,14 @@ use crate::profile::dbc::Database;
 use crate::profile::{Catalogue, Device};
 use crate::wire::NodeId;
 
-/// Data kept of one SDO transfer or ISO-TP message, in bytes.
+/// Data kept of one transfer, in bytes.
 pub const TRANSFER_DATA_LIMIT: usize = 64 * 1024;
-/// Data kept of all open transfers of a bus, SDO and ISO-TP together, and of UDS requests that wait, in bytes.
+/// Data kept of all open transfers of a bus in bytes: of SDO, ISO-TP and UDS requests that wait together, and as
+/// much again of J1939.
 pub const OPEN_DATA_LIMIT: usize = 4 * 1024 * 1024;
 /// SDO channels of a bus, so also open transfers.
 pub const CHANNEL_LIMIT: usize = 256;
-/// ISO-TP messages of a bus that are on their way.
+/// ISO-TP messages of a bus that are on their way; also open J1939 transfers.
 pub const TRANSPORT_LIMIT: usize = 256;
 /// UDS requests of a bus that wait for an answer.
 pub const EXCHANGE_LIMIT: usize = 256;

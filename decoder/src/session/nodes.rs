@@ -98,6 +98,7 @@ impl Bus {
             + self.channels.footprint()
             + self.claims.footprint()
             + self.uds.footprint()
+            + self.transports.footprint()
             + self.nodes.iter().map(Node::footprint).sum::<usize>()
     }
 

@@ -27,6 +27,8 @@ pub(super) enum Subject {
     IsoTp(Link),
     /// UDS requests of a link that wait.
     UdsRequest(Link),
+    /// J1939 transfer at a place.
+    Transport(u16),
 }
 
 /// Deadlines in monotonic nanoseconds.

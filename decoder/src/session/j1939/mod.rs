@@ -3,6 +3,7 @@
 //! ```text
 //! Frame ─▶ priority, group, source, destination ─▶ request, acknowledgement   told as they are
 //!                                               ├▶ address claim              the table of addresses
+//!                                               ├▶ TP.CM, TP.DT, ETP.…        transport: one event a transfer
 //!                                               └▶ any other group            one prepared event an identifier
 //!                                      DM1, DM2, commanded address            of any length: what they say
 //! ```
@@ -13,11 +14,13 @@ mod claims;
 mod device;
 mod dtc;
 mod message;
+mod transport;
 
 pub(in crate::session) use belief::J1939Belief;
 pub(in crate::session) use cadence::Cadence;
 pub(in crate::session) use claims::Claims;
 pub(in crate::session) use device::J1939State;
+pub(in crate::session) use transport::Transports;
 
 use crate::event::{Event, EventKind, FrameRange, J1939Acknowledgement, J1939Request};
 use crate::frame::{Frame, FrameFlags};
@@ -54,6 +57,7 @@ impl Bus {
                     self.on_j1939_payload(id, frame.data(), FrameRange::one(frame.number), frame, out);
                 }
             }
+            Pgn::TP_CM | Pgn::TP_DT | Pgn::ETP_CM | Pgn::ETP_DT => self.on_transport(id, frame, out),
             _ => self.on_j1939_message(slot, id, frame, out),
         }
     }

@@ -279,13 +279,10 @@ fn irregular(irregularity: &Irregularity, bus: &Bus) -> Words {
         IrregularityKind::Duplicate => {
             format!("{} {}{pgn} came again", irregularity.message, number(irregularity.packet))
         }
-        IrregularityKind::Retransmission => {
-            format!(
-                "{}{pgn} asks again for packets from {} on",
-                irregularity.message,
-                number(irregularity.expected)
-            )
-        }
+        IrregularityKind::Retransmission => match irregularity.expected {
+            Some(next) => format!("{}{pgn} asks again for packets from {next} on", irregularity.message),
+            None => format!("{}{pgn} came again", irregularity.message),
+        },
         IrregularityKind::Late => {
             let timer = irregularity.timer.map_or("", |timer| timer.name());
             let delay =

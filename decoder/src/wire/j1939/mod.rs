@@ -12,8 +12,10 @@ mod diagnostics;
 mod id;
 mod message;
 mod name;
+mod transport;
 
 pub use diagnostics::{Lamps, Lit, ReportedDtc, SpnConversion, TroubleCodes};
 pub use id::{ALL, J1939Id, NO_ADDRESS, Pgn};
 pub use message::{Acknowledgement, commanded_address, request};
 pub use name::{Name, NameFields};
+pub use transport::{ETP_SIZES, Management, PACKET_SIZE, TP_SIZES, management, packet, packets_of};

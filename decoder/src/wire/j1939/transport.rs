@@ -1,0 +1,202 @@
+//! Transport protocols: messages of more than eight bytes, cut into packets of seven.
+//!
+//! ```text
+//! byte            0     1      2      3      4       5 6 7
+//! TP.CM   RTS     16    size (2)      packets most   PGN    J1939-21 §5.10.3; most = packets a CTS may ask for
+//!         CTS     17    count  next   FF     FF      PGN    count 0 holds the connection
+//!         EOMA    19    size (2)      packets FF     PGN    end of message acknowledged
+//!         BAM     32    size (2)      packets FF     PGN    to all; nobody answers
+//!         abort   255   reason FF     FF     FF      PGN
+//! TP.DT           sequence 1..255, seven bytes
+//! ETP.CM  RTS     20    size (4)                     PGN    ISO 11783-3
+//!         CTS     21    count  next (3)              PGN
+//!         DPO     22    count  offset (3)            PGN    sequence 1 is packet offset + 1
+//!         EOMA    23    size (4)                     PGN
+//!         abort   255   reason FF     FF     FF      PGN
+//! ETP.DT          sequence 1..255, seven bytes
+//! ```
+//!
+//! Numbers and PGNs have their least significant byte first. Bytes behind the last one of a message are FF.
+
+use super::id::Pgn;
+use crate::wire::Malformed;
+
+/// Bytes of a packet.
+pub const PACKET_SIZE: u32 = 7;
+
+/// Smallest and largest message of the transport protocol in bytes (J1939-21 §5.10.1).
+pub const TP_SIZES: (u32, u32) = (9, 1785);
+
+/// The same of the extended one (ISO 11783-3).
+pub const ETP_SIZES: (u32, u32) = (1786, 117_440_505);
+
+/// A message of connection management, TP.CM or ETP.CM.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Management {
+    /// The sender asks for a connection.
+    RequestToSend {
+        /// Bytes of the message.
+        size: u32,
+        /// Packets it takes; of the extended protocol what follows from the size.
+        packets: u32,
+    },
+    /// The receiver asks for packets.
+    ClearToSend {
+        /// How many; 0 holds the connection.
+        count: u8,
+        /// The first of them, counted from 1.
+        next: u32,
+    },
+    /// The sender says which packets follow (extended protocol only).
+    PacketOffset {
+        /// How many.
+        count: u8,
+        /// Packets before them.
+        offset: u32,
+    },
+    /// The receiver has the whole message.
+    EndOfMessage {
+        /// Its bytes.
+        size: u32,
+    },
+    /// The sender announces a message to all.
+    Announce {
+        /// Its bytes.
+        size: u32,
+        /// Packets it takes.
+        packets: u32,
+    },
+    /// Either side ends the connection.
+    Abort {
+        /// Why; the codes of both protocols are the same.
+        reason: u8,
+    },
+    /// A control byte the protocol does not have.
+    Unknown,
+}
+
+impl Management {
+    /// Name of the message; those of the transport protocol are J1939-21's, those of the extended one ISO 11783-3's.
+    pub const fn name(self, is_extended: bool) -> &'static str {
+        match (self, is_extended) {
+            (Self::RequestToSend { .. }, false) => "TP.CM_RTS",
+            (Self::RequestToSend { .. }, true) => "ETP.CM_RTS",
+            (Self::ClearToSend { .. }, false) => "TP.CM_CTS",
+            (Self::ClearToSend { .. }, true) => "ETP.CM_CTS",
+            (Self::EndOfMessage { .. }, false) => "TP.CM_EndOfMsgACK",
+            (Self::EndOfMessage { .. }, true) => "ETP.CM_EOMA",
+            (Self::Abort { .. }, false) => "TP.Conn_Abort",
+            (Self::Abort { .. }, true) => "ETP.Conn_Abort",
+            (Self::PacketOffset { .. }, _) => "ETP.CM_DPO",
+            (Self::Announce { .. }, _) => "TP.CM_BAM",
+            (Self::Unknown, false) => "TP.CM",
+            (Self::Unknown, true) => "ETP.CM",
+        }
+    }
+}
+
+/// Packets a message of so many bytes takes.
+pub const fn packets_of(size: u32) -> u32 {
+    size.div_ceil(PACKET_SIZE)
+}
+
+/// Reads TP.CM, or ETP.CM where `is_extended`: the message, and the group it is about.
+///
+/// # Errors
+/// Fewer than eight bytes.
+pub fn management(data: &[u8], is_extended: bool) -> Result<(Management, Pgn), Malformed> {
+    let [control, a, b, c, d, low, middle, high, ..] = *data else {
+        let layer = if is_extended { "etp.cm" } else { "tp.cm" };
+        return Err(Malformed::at(layer, 0, 8, data.len()));
+    };
+    let short = u32::from(u16::from_le_bytes([a, b]));
+    let long = u32::from_le_bytes([a, b, c, d]);
+    let place = u32::from_le_bytes([b, c, d, 0]);
+    let packets = u32::from(c);
+    let message = match (control, is_extended) {
+        (16, false) => Management::RequestToSend { size: short, packets },
+        (17, false) => Management::ClearToSend { count: a, next: u32::from(b) },
+        (19, false) => Management::EndOfMessage { size: short },
+        (32, false) => Management::Announce { size: short, packets },
+        (20, true) => Management::RequestToSend { size: long, packets: packets_of(long) },
+        (21, true) => Management::ClearToSend { count: a, next: place },
+        (22, true) => Management::PacketOffset { count: a, offset: place },
+        (23, true) => Management::EndOfMessage { size: long },
+        (255, _) => Management::Abort { reason: a },
+        _ => Management::Unknown,
+    };
+    Ok((message, Pgn::new(u32::from_le_bytes([low, middle, high, 0]))))
+}
+
+/// Reads TP.DT or ETP.DT: the sequence number, and seven bytes.
+///
+/// # Errors
+/// Fewer than eight bytes.
+pub fn packet(data: &[u8], is_extended: bool) -> Result<(u8, [u8; 7]), Malformed> {
+    match *data {
+        [sequence, a, b, c, d, e, f, g, ..] => Ok((sequence, [a, b, c, d, e, f, g])),
+        _ => Err(Malformed::at(if is_extended { "etp.dt" } else { "tp.dt" }, 0, 8, data.len())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// DM2 (FECB), least significant byte first.
+    const PGN: [u8; 3] = [0xCB, 0xFE, 0x00];
+
+    fn read(head: [u8; 5], is_extended: bool) -> Management {
+        let (message, pgn) = management(&[&head[..], &PGN].concat(), is_extended).unwrap();
+        assert_eq!(pgn, Pgn::DM2);
+        message
+    }
+
+    #[test]
+    fn connection_management() {
+        // 20 bytes (0x0014) take 3 packets; 0x06F9 = 1785 take 255.
+        assert_eq!(read([16, 0x14, 0, 3, 255], false), Management::RequestToSend { size: 20, packets: 3 });
+        assert_eq!(
+            read([16, 0xF9, 6, 255, 1], false),
+            Management::RequestToSend { size: 1785, packets: 255 }
+        );
+        assert_eq!(read([17, 2, 9, 255, 255], false), Management::ClearToSend { count: 2, next: 9 });
+        assert_eq!(read([19, 0x14, 0, 3, 255], false), Management::EndOfMessage { size: 20 });
+        assert_eq!(read([32, 0x14, 0, 3, 255], false), Management::Announce { size: 20, packets: 3 });
+        assert_eq!(read([255, 3, 255, 255, 255], false), Management::Abort { reason: 3 });
+        for control in [0, 18, 20, 21, 22, 23, 254] {
+            assert_eq!(read([control, 1, 1, 1, 1], false), Management::Unknown, "{control}");
+        }
+    }
+
+    #[test]
+    fn extended_connection_management() {
+        // 117,440,505 = 0x06FF_FFF9 bytes take 16,777,215 packets.
+        let largest = Management::RequestToSend { size: ETP_SIZES.1, packets: 0xFF_FFFF };
+        assert_eq!(read([20, 0xF9, 0xFF, 0xFF, 0x06], true), largest);
+        assert_eq!(
+            read([21, 16, 0x01, 0x02, 0x03], true),
+            Management::ClearToSend { count: 16, next: 0x03_0201 }
+        );
+        assert_eq!(
+            read([22, 16, 0x00, 0x02, 0x03], true),
+            Management::PacketOffset { count: 16, offset: 0x03_0200 }
+        );
+        assert_eq!(read([23, 0xFA, 6, 0, 0], true), Management::EndOfMessage { size: ETP_SIZES.0 });
+        assert_eq!(read([255, 250, 255, 255, 255], true), Management::Abort { reason: 250 });
+        for control in [16, 17, 19, 24, 32] {
+            assert_eq!(read([control, 1, 1, 1, 1], true), Management::Unknown, "{control}");
+        }
+        assert_eq!(Management::PacketOffset { count: 1, offset: 0 }.name(true), "ETP.CM_DPO");
+    }
+
+    #[test]
+    fn packets() {
+        assert_eq!(packet(&[3, 1, 2, 3, 4, 5, 6, 7], false), Ok((3, [1, 2, 3, 4, 5, 6, 7])));
+        let short = Malformed { layer: "etp.dt", offset: 0, needed: 8, available: 7 };
+        assert_eq!(packet(&[3, 1, 2, 3, 4, 5, 6], true), Err(short));
+        let short = Malformed { layer: "tp.cm", offset: 0, needed: 8, available: 0 };
+        assert_eq!(management(&[], false), Err(short));
+        assert_eq!([0, 7, 8, 1785].map(packets_of), [0, 1, 2, 255]);
+    }
+}
