@@ -97,19 +97,19 @@ impl Bus {
                 self.on_opening(part, Opening { mode, pgn, size, packets }, out);
             }
             Management::ClearToSend { count, next } => {
-                self.step(part, received, |session| session.clear(count, next, frame, now), out);
+                self.transport_step(part, received, |session| session.clear(count, next, frame, now), out);
             }
             Management::EndOfMessage { size } => {
-                self.step(part, received, |session| session.acknowledged(size, frame, now), out);
+                self.transport_step(part, received, |session| session.acknowledged(size, frame, now), out);
             }
             Management::PacketOffset { count, offset } => {
-                self.step(part, sent, |session| session.packet_offset(count, offset, frame, now), out);
+                self.transport_step(part, sent, |session| session.packet_offset(count, offset, frame, now), out);
             }
             Management::Abort { reason } => {
-                let by_sender = !self.is_open(received, pgn);
+                let by_sender = !self.has_transport(received, pgn);
                 let key = if by_sender { sent } else { received };
                 let abort = TransportAbort { reason, by_sender };
-                self.step(part, key, |session| session.aborted(abort, frame), out);
+                self.transport_step(part, key, |session| session.aborted(abort, frame), out);
             }
             Management::Unknown => {
                 self.contradicts(part, "unknown control byte of connection management", out)
@@ -125,20 +125,20 @@ impl Bus {
     }
 
     /// Whether a transfer is open that can be about a group.
-    fn is_open(&self, key: Key, pgn: Pgn) -> bool {
+    fn has_transport(&self, key: Key, pgn: Pgn) -> bool {
         let open = self.transports.find(key).and_then(|place| self.transports.get(place));
         open.is_some_and(|session| session.pgn.is_none_or(|open| open == pgn))
     }
 
     /// A message about an open transfer.
-    fn step(
+    fn transport_step(
         &mut self,
         part: Part<'_>,
         key: Key,
         take: impl FnOnce(&mut Session) -> Step,
         out: &mut dyn Observer,
     ) {
-        let place = self.transports.find(key).filter(|_| part.pgn.is_some_and(|pgn| self.is_open(key, pgn)));
+        let place = self.transports.find(key).filter(|_| part.pgn.is_some_and(|pgn| self.has_transport(key, pgn)));
         let open = place.and_then(|place| Some((place, self.transports.get_mut(place)?)));
         let Some((place, session)) = open else {
             let odd = Odd::new(IrregularityKind::Unexpected, None, None);
@@ -147,7 +147,7 @@ impl Bus {
         session.pgn = session.pgn.or(part.pgn);
         let step = take(session);
         let about = Part { pgn: session.pgn, ..part };
-        self.after(about, place, step, out);
+        self.after_transport(about, place, step, out);
     }
 
     /// The sender of a message asks for a connection, or announces a broadcast.
@@ -221,11 +221,11 @@ impl Bus {
             let kind = EventKind::Evicted { what: "data of open J1939 transfers", count: 1 };
             self.emit_j1939(part.frame, part.id, kind, out);
         }
-        self.after(about, place, step, out);
+        self.after_transport(about, place, step, out);
     }
 
     /// Says what is irregular about a frame, and ends the transfer where the frame ends it.
-    fn after(&mut self, part: Part<'_>, place: u16, step: Step, out: &mut dyn Observer) {
+    fn after_transport(&mut self, part: Part<'_>, place: u16, step: Step, out: &mut dyn Observer) {
         for odd in [step.late, step.odd].into_iter().flatten() {
             self.say_odd(part, odd, out);
         }
@@ -293,14 +293,14 @@ impl Bus {
     /// Emits a transfer. `frame` is the one that ended it.
     fn finish_transport(&self, session: Box<Session>, ending: Ending, frame: &Frame, out: &mut dyn Observer) {
         let (id, frames) = (session.id(), session.frames);
-        let transfer = self.transfer(session, ending);
+        let transfer = self.transport_event(session, ending);
         let mut event = self.j1939_event(frame, id, EventKind::J1939Transfer(Box::new(transfer)));
         event.frames = frames;
         out.event(&event, self);
     }
 
     /// A transfer as an event; its data moves there.
-    fn transfer(&self, mut session: Box<Session>, ending: Ending) -> J1939Transfer {
+    fn transport_event(&self, mut session: Box<Session>, ending: Ending) -> J1939Transfer {
         let is_whole = session.is_whole();
         let outcome = match ending {
             Ending::Last if is_whole => Outcome::Complete,
