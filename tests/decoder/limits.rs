@@ -6,7 +6,7 @@ use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags, Timestamp};
 use cobscope_decoder::session::{
     ACTIVE_ERROR_LIMIT, ADDRESSLESS_LIMIT, CHANNEL_LIMIT, EXTENDED_ID_LIMIT, OBJECT_LIMIT, OPEN_DATA_LIMIT,
-    SessionOptions, TRANSFER_DATA_LIMIT,
+    SessionOptions, TRANSFER_DATA_LIMIT, TRANSPORT_LIMIT,
 };
 use serde_json::Value;
 
@@ -54,6 +54,12 @@ impl Scene {
         let toggle = if number.is_multiple_of(2) { 0 } else { 0x10 };
         self.standard(0x600 + u16::from(node), &[toggle, 1, 2, 3, 4, 5, 6, 7]);
         self.standard(0x580 + u16::from(node), &[0x20 | toggle, 0, 0, 0, 0, 0, 0, 0]);
+    }
+
+    /// A J1939 frame of a group that goes to one address.
+    fn group(&mut self, group: u8, source: u8, destination: u8, data: &[u8]) {
+        let id = u32::from_be_bytes([0x1C, group, destination, source]);
+        self.frame(Frame::data_frame(CanId::extended(id), data));
     }
 
     fn evicted(&self, what: &str) -> usize {
@@ -243,5 +249,92 @@ fn a_storm_of_every_identifier() {
         }
     }
     assert!(scene.checker.events < 8 * 0x800 * 3, "{}", scene.checker.events);
+    assert!(scene.decoder.footprint() < 1 << 20);
+}
+
+/// 255 packets are announced and never sent, between all pairs of 80 addresses: 6,400 transfers at once.
+#[test]
+fn transfers_announced_and_never_sent() {
+    let mut scene = Scene::new();
+    for source in 0..80 {
+        for destination in 100..180 {
+            // 1,785 bytes in 255 packets, of EF00.
+            scene.group(0xEC, source, destination, &[16, 0xF9, 0x06, 255, 255, 0x00, 0xEF, 0x00]);
+        }
+    }
+    // All within 0.64 s: none has timed out.
+    assert_eq!(scene.evicted("J1939 transfer"), 6_400 - TRANSPORT_LIMIT);
+    let footprint = scene.decoder.footprint();
+    assert!(footprint < 3 << 20, "{footprint}");
+    let events = scene.finish();
+    let open: Vec<_> = events.iter().filter(|event| event["kind"] == "j1939-transfer").collect();
+    assert_eq!(open.len(), TRANSPORT_LIMIT);
+    assert!(open.iter().all(|event| event["outcome"] == "unfinished" && event["missing_packets"] == 255));
+}
+
+/// Of 117,440,505 bytes announced 100,000 packets come; memory stays as it is after the first 64 KiB.
+#[test]
+fn the_largest_extended_transfer() {
+    let mut scene = Scene::new();
+    let pgn = [0x00, 0xCA, 0x00];
+    scene.group(0xC8, 0x26, 0x80, &[&[20, 0xF9, 0xFF, 0xFF, 0x06][..], &pgn].concat());
+    let mut footprints = Vec::new();
+    for window in 0..500_u32 {
+        let [low, middle, high, _] = (window * 200).to_le_bytes();
+        let [next, carry, top, _] = (window * 200 + 1).to_le_bytes();
+        scene.group(0xC8, 0x80, 0x26, &[&[21, 200, next, carry, top][..], &pgn].concat());
+        scene.group(0xC8, 0x26, 0x80, &[&[22, 200, low, middle, high][..], &pgn].concat());
+        (1..=200).for_each(|sequence| scene.group(0xC7, 0x26, 0x80, &[sequence, 1, 2, 3, 4, 5, 6, 7]));
+        footprints.push(scene.decoder.footprint());
+    }
+    assert!(footprints[60] == footprints[499] && footprints[499] < 300 << 10, "{}", footprints[499]);
+    let events = scene.finish();
+    let transfer = events.iter().find(|event| event["kind"] == "j1939-transfer").unwrap();
+    assert_eq!(transfer["size"], 700_000);
+    assert_eq!((&transfer["announced"], &transfer["packets"]), (&117_440_505.into(), &16_777_215.into()));
+    assert_eq!(transfer["missing_packets"], 16_777_215 - 100_000);
+    assert_eq!((&transfer["truncated"], &transfer["outcome"]), (&true.into(), &"unfinished".into()));
+    assert_eq!(transfer["data"].as_str().unwrap().len(), 2 * TRANSFER_DATA_LIMIT);
+}
+
+/// 80 extended transfers at once, each with more than 64 KiB: together over the limit.
+#[test]
+fn data_of_all_open_extended_transfers() {
+    let mut scene = Scene::new();
+    let pgn = [0x00, 0xCA, 0x00];
+    for source in 0..80 {
+        scene.group(0xC8, source, 0xF9, &[&[20, 0, 0, 2, 0][..], &pgn].concat());
+    }
+    for window in 0..38_u32 {
+        let [low, middle, high, _] = (window * 250).to_le_bytes();
+        for source in 0..80 {
+            scene.group(0xC8, source, 0xF9, &[&[22, 250, low, middle, high][..], &pgn].concat());
+            (1..=250).for_each(|sequence| scene.group(0xC7, source, 0xF9, &[sequence, 1, 2, 3, 4, 5, 6, 7]));
+        }
+        scene.checker.kept = None;
+    }
+    assert!(scene.evicted("data of open J1939 transfers") > 0);
+    let footprint = scene.decoder.footprint();
+    assert!(footprint < OPEN_DATA_LIMIT * 2 + (1 << 20), "{footprint}");
+}
+
+/// Sizes and sequence numbers that say anything; each frame makes two events at most.
+#[test]
+fn transport_frames_of_any_content() {
+    let mut scene = Scene::new();
+    scene.checker.kept = None;
+    let before = scene.checker.events;
+    for control in 0..=255 {
+        for value in [0, 1, 2, 254, 255] {
+            let data = [control, value, value, value, 255, 0x00, 0xEF, 0x00];
+            for group in [0xEC, 0xEB, 0xC8, 0xC7] {
+                scene.group(group, 1, 2, &data);
+                scene.group(group, 2, 1, &data);
+                scene.group(group, 1, 255, &data[..usize::from(control) % 9]);
+            }
+        }
+    }
+    let frames = 256 * 5 * 12;
+    assert!(scene.checker.events - before < frames * 2, "{}", scene.checker.events);
     assert!(scene.decoder.footprint() < 1 << 20);
 }

@@ -4,6 +4,7 @@
 #![expect(clippy::disallowed_methods, reason = "tests open files")]
 
 mod corpus;
+mod corpus_j1939;
 mod dbc;
 mod device_files;
 mod devices;
@@ -18,6 +19,7 @@ mod fuzz_replay;
 #[path = "../../decoder/fuzz/src/harness/mod.rs"]
 mod harness;
 mod imported;
+mod j1939;
 mod j1939_nm;
 mod limits;
 mod malformed;

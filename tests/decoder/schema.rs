@@ -246,15 +246,13 @@ fn lines(bytes: &[u8], options: SessionOptions) -> String {
 /// Lines of every fixture, and of the samples.
 fn all_lines() -> String {
     let mut all = String::new();
-    let mut captures = 0;
-    for entry in fs::read_dir(support::workspace().join("fixtures").join("canopen")).unwrap() {
-        let path = entry.unwrap().path();
-        if path.extension().is_some_and(|extension| extension == "log") {
-            all += &lines(&fs::read(path).unwrap(), SessionOptions::default());
-            captures += 1;
+    for (folder, least) in [("canopen", 20), ("j1939", 7)] {
+        let captures = scene::captures(folder);
+        assert!(captures.len() >= least);
+        for name in captures {
+            all += &lines(&fs::read(name.with_extension("log")).unwrap(), SessionOptions::default());
         }
     }
-    assert!(captures >= 20);
     let catalogue = Catalogue::default();
     for name in scene::captures("devices") {
         let expected = Expected::read(&name.with_extension("expected.txt"));

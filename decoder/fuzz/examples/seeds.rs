@@ -80,7 +80,10 @@ fn payload(corpus: &Path, frame: &Frame) -> std::io::Result<()> {
             }
             "isotp"
         }
-        CanId::Extended(_) => return Ok(()),
+        CanId::Extended(id) => {
+            let bytes = [&id.to_le_bytes()[..], data].concat();
+            return put(corpus, "j1939", &format!("{id:x}_{name}"), &bytes);
+        }
         CanId::Standard(0) => "nmt",
         CanId::Standard(0x80) => "sync",
         CanId::Standard(0x81..=0xFF) => "emcy",

@@ -27,7 +27,7 @@ pub use pipeline::any;
 pub use profile::profile;
 pub use session::{devices, session};
 pub use wire::{
-    emcy, error_control, error_frame, isotp, lss, nmt, sdo, sync, time, trouble_codes, uds,
+    emcy, error_control, error_frame, isotp, j1939, lss, nmt, sdo, sync, time, trouble_codes, uds,
 };
 
 /// A target: its name and its function.
@@ -51,6 +51,7 @@ pub const TARGETS: &[Target] = &[
     ("lss", lss),
     ("isotp", isotp),
     ("uds", uds),
+    ("j1939", j1939),
     ("error_frame", error_frame),
     ("session", session),
     ("devices", devices),

@@ -4,7 +4,9 @@ use cobscope_decoder::profile::{self, lamp_names};
 use cobscope_decoder::wire::canopen::emcy::{ByteOrder, Emcy};
 use cobscope_decoder::wire::canopen::sdo::{Payload, Phase, Sdo, Side};
 use cobscope_decoder::wire::isotp::{Addresses, IsoTp};
-use cobscope_decoder::wire::j1939::{SpnConversion, TroubleCodes};
+use cobscope_decoder::wire::j1939::{
+    self as messages, J1939Id, Management, Name, Pgn, SpnConversion, TroubleCodes,
+};
 use cobscope_decoder::wire::uds::Uds;
 use cobscope_decoder::wire::{
     Malformed, canopen, error_frame as error_frames, isotp as transport, uds as diagnostics,
@@ -194,6 +196,38 @@ pub fn uds(data: &[u8]) {
     assert_eq!(first.is_some(), second.is_some());
     if let Some(sub_function) = shape.sub_function(rest) {
         assert_eq!(sub_function.value | u8::from(sub_function.suppress_response) << 7, rest[0]);
+    }
+}
+
+/// J1939: identifiers, NAMEs, and every message of its own; the first four bytes are the identifier.
+pub fn j1939(data: &[u8]) {
+    let Some((id, rest)) = data.split_first_chunk() else { return };
+    let payload = payload(rest);
+    if let Some(id) = J1939Id::of(u32::from_le_bytes(*id) & 0x1FFF_FFFF) {
+        assert!(id.priority < 8 && id.pgn == Pgn::new(id.pgn.number()));
+        assert!(!id.pgn.is_addressed() || id.pgn.number() & 0xFF == 0);
+    }
+    if let Some(name) = Name::read(payload) {
+        assert!(name.fields().manufacturer_code < 1 << 11 && name.fields().identity_number < 1 << 21);
+    }
+    let errors = [
+        messages::request(payload).err(),
+        messages::Acknowledgement::read(payload).err(),
+        messages::commanded_address(payload).err(),
+        messages::packet(payload, false).err(),
+        messages::packet(payload, true).err(),
+        messages::management(payload, false).err(),
+        messages::management(payload, true).err(),
+    ];
+    errors.into_iter().flatten().for_each(|error| is_consistent(error, payload));
+    for is_extended in [false, true] {
+        match messages::management(payload, is_extended) {
+            Ok((Management::RequestToSend { size, packets }, _)) if is_extended => {
+                assert!(u64::from(packets) * 7 >= u64::from(size));
+            }
+            Ok((message, _)) => assert!(message.name(is_extended).contains("TP.")),
+            Err(_) => {}
+        }
     }
 }
 

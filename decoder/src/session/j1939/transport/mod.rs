@@ -103,7 +103,12 @@ impl Bus {
                 self.transport_step(part, received, |session| session.acknowledged(size, frame, now), out);
             }
             Management::PacketOffset { count, offset } => {
-                self.transport_step(part, sent, |session| session.packet_offset(count, offset, frame, now), out);
+                self.transport_step(
+                    part,
+                    sent,
+                    |session| session.packet_offset(count, offset, frame, now),
+                    out,
+                );
             }
             Management::Abort { reason } => {
                 let by_sender = !self.has_transport(received, pgn);
@@ -138,7 +143,8 @@ impl Bus {
         take: impl FnOnce(&mut Session) -> Step,
         out: &mut dyn Observer,
     ) {
-        let place = self.transports.find(key).filter(|_| part.pgn.is_some_and(|pgn| self.has_transport(key, pgn)));
+        let place =
+            self.transports.find(key).filter(|_| part.pgn.is_some_and(|pgn| self.has_transport(key, pgn)));
         let open = place.and_then(|place| Some((place, self.transports.get_mut(place)?)));
         let Some((place, session)) = open else {
             let odd = Odd::new(IrregularityKind::Unexpected, None, None);
