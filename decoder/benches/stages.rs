@@ -27,6 +27,7 @@ use cobscope_decoder::session::{AssignedBy, Assignment, Bus, Observer, SessionOp
 use cobscope_decoder::sink::jsonl::Jsonl;
 use cobscope_decoder::sink::text::{Text, TextOptions};
 use machine::devices::{DEVICES, Devices};
+use machine::engine::Engine;
 use machine::formats::Format;
 use machine::{Machine, Message, Options};
 
@@ -46,6 +47,7 @@ struct Captures {
     pcap: PathBuf,
     pcapng: PathBuf,
     devices: PathBuf,
+    engine: PathBuf,
 }
 
 /// What a stage does with the captures.
@@ -57,10 +59,11 @@ struct Stage {
     times: Vec<Duration>,
 }
 
-const STAGES: [(&str, Run); 16] = [
+const STAGES: [(&str, Run); 17] = [
     ("newline count", |captures| count_newlines(&captures.normal)),
     ("candump, frames only", |captures| read(&captures.normal)),
     ("candump to events", |captures| decode(&captures.normal, &mut ignore)),
+    ("J1939 to events", |captures| decode(&captures.engine, &mut ignore)),
     ("candump to JSON Lines", |captures| decode(&captures.normal, &mut ToJsonl(Jsonl::new(output())))),
     ("candump to text", |captures| decode(&captures.normal, &mut to_text())),
     ("known mappings to JSON Lines", |captures| decode(&captures.mapped, &mut ToJsonl(Jsonl::new(output())))),
@@ -151,6 +154,7 @@ fn captures(folder: &Path, frames: usize) -> io::Result<Captures> {
         pcap: write("normal.pcap", Format::Pcap, normal)?,
         pcapng: write("normal.pcapng", Format::Pcapng, normal)?,
         devices: self::write(&folder.join("devices.log"), Format::Candump, Devices::new(1).take(frames))?,
+        engine: self::write(&folder.join("engine.log"), Format::Candump, Engine::new(1).take(frames))?,
     })
 }
 

@@ -6,7 +6,8 @@
 //!
 //! Options: `--frames N` (1000000), `--seed N` (1), `--format candump|pcap|pcapng`, `--storm` (every second
 //! SDO transfer aborted, every tenth frame an EMCY), `--mapping` (PDO mappings are told by SDO),
-//! `--devices` (a hydraulic machine instead, whose devices have profiles: printed to standard error).
+//! `--devices` (a hydraulic machine instead, whose devices have profiles: printed to standard error),
+//! `--j1939` (an engine and five other control units instead).
 
 #[path = "../benches/machine/mod.rs"]
 mod machine;
@@ -14,6 +15,7 @@ mod machine;
 use std::io::{self, BufWriter, Write};
 
 use machine::devices::{DEVICES, Devices};
+use machine::engine::Engine;
 use machine::formats::Format;
 use machine::{Machine, Options};
 
@@ -21,13 +23,14 @@ fn main() -> io::Result<()> {
     let mut frames = 1_000_000;
     let mut format = Format::Candump;
     let mut options = Options { seed: 1, storm: false, mapping: false };
-    let mut devices = false;
+    let (mut devices, mut j1939) = (false, false);
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
         match argument.as_str() {
             "--storm" => options.storm = true,
             "--mapping" => options.mapping = true,
             "--devices" => devices = true,
+            "--j1939" => j1939 = true,
             "--frames" => frames = number(arguments.next())?,
             "--seed" => options.seed = number(arguments.next())?,
             "--format" => {
@@ -50,6 +53,10 @@ fn main() -> io::Result<()> {
         for message in Devices::new(options.seed).take(frames) {
             format.write(&message, &mut out)?;
         }
+    } else if j1939 {
+        for message in Engine::new(options.seed).take(frames) {
+            format.write(&message, &mut out)?;
+        }
     } else {
         for message in Machine::new(options).take(frames) {
             format.write(&message, &mut out)?;
@@ -63,5 +70,7 @@ fn number<T: std::str::FromStr>(text: Option<String>) -> io::Result<T> {
 }
 
 fn usage() -> io::Error {
-    io::Error::other("options: --frames N --seed N --format candump|pcap|pcapng --storm --mapping --devices")
+    io::Error::other(
+        "options: --frames N --seed N --format candump|pcap|pcapng --storm --mapping --devices --j1939",
+    )
 }

@@ -55,7 +55,8 @@ impl Format {
         let micros = nanoseconds / 1_000;
         match self {
             Self::Candump => {
-                write!(out, "({seconds}.{micros:06}) can0 {:03X}#", message.id)?;
+                let digits = if message.extended { 8 } else { 3 };
+                write!(out, "({seconds}.{micros:06}) can0 {:0digits$X}#", message.id)?;
                 if message.remote {
                     return writeln!(out, "R{}", message.length);
                 }
@@ -84,7 +85,7 @@ impl Format {
 
 /// `struct can_frame` with the identifier in network byte order, as packet sockets deliver it.
 fn can_frame(message: &Message) -> [u8; 16] {
-    let id = u32::from(message.id) | u32::from(message.remote) << 30;
+    let id = message.id | u32::from(message.remote) << 30 | u32::from(message.extended) << 31;
     let mut frame = [0; 16];
     let head = id.to_be_bytes().into_iter().chain([message.length, 0, 0, 0]).chain(message.data);
     for (target, byte) in frame.iter_mut().zip(head) {

@@ -7,6 +7,7 @@
 //! ```
 
 pub mod devices;
+pub mod engine;
 pub mod formats;
 mod sdo;
 
@@ -40,8 +41,10 @@ pub struct Options {
 pub struct Message {
     /// Nanoseconds since 1970, whole microseconds.
     pub time: u64,
-    /// 11-bit identifier.
-    pub id: u16,
+    /// Identifier.
+    pub id: u32,
+    /// It has 29 bits.
+    pub extended: bool,
     /// Remote frame.
     pub remote: bool,
     /// Bytes of data, or asked for.
@@ -52,7 +55,7 @@ pub struct Message {
 
 impl Message {
     fn new(id: u16, payload: &[u8]) -> Self {
-        let mut message = Self { id, ..Self::default() };
+        let mut message = Self { id: id.into(), ..Self::default() };
         for (target, byte) in message.data.iter_mut().zip(payload) {
             *target = *byte;
             message.length += 1;
@@ -244,7 +247,7 @@ impl Machine {
         } else if (cycle + u64::from(node.id)).is_multiple_of(50) {
             let toggle = node.toggle;
             node.toggle = !toggle;
-            self.send(Message { id, remote: true, length: 1, ..Message::default() });
+            self.send(Message { id: id.into(), remote: true, length: 1, ..Message::default() });
             self.send(Message::new(id, &[if toggle { 0x85 } else { 0x05 }]));
         }
     }

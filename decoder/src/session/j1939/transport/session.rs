@@ -208,18 +208,16 @@ impl Session {
         }
     }
 
-    /// Whether `opening` is the request that opened it, sent again because no answer came.
+    /// Whether `opening` is the request that opened it, sent again because no answer was heard.
     pub(super) fn is_asked_again(&self, opening: Opening) -> bool {
-        let same =
-            (self.mode, self.pgn, self.announced) == (opening.mode, Some(opening.pgn), Some(opening.size));
-        same && opening.mode != TransportMode::Broadcast
-            && self.received.distinct() == 0
-            && self.window == Window::Any
+        let same = self.pgn == Some(opening.pgn) && self.announced == Some(opening.size);
+        same && self.mode != TransportMode::Broadcast && self.received.distinct() == 0
     }
 
-    /// The request came again.
+    /// The request came again: what was cleared is not any more.
     pub(super) fn asked_again(&mut self, frame: &Frame, now: i64) {
         self.add_frame(frame);
+        (self.window, self.asked, self.lacks_offset) = (Window::Any, None, false);
         self.wait(Timer::T3, Some(Timer::Tr), now);
     }
 
