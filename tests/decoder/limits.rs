@@ -5,7 +5,8 @@ use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags, Timestamp};
 use cobscope_decoder::session::{
-    ACTIVE_ERROR_LIMIT, ADDRESSLESS_LIMIT, CHANNEL_LIMIT, EXTENDED_ID_LIMIT, OBJECT_LIMIT, OPEN_DATA_LIMIT,
+    ACTIVE_ERROR_LIMIT, ADDRESSLESS_LIMIT, CHANNEL_LIMIT, EXCHANGE_LIMIT, EXTENDED_ID_LIMIT, OBJECT_LIMIT,
+    OPEN_DATA_LIMIT,
     SessionOptions, TRANSFER_DATA_LIMIT, TRANSPORT_LIMIT,
 };
 use serde_json::Value;
@@ -172,6 +173,60 @@ fn extended_identifiers() {
     let events = scene.finish();
     // Those beyond the limit are told all the same.
     assert_eq!(events.iter().filter(|event| event["kind"] == "j1939-message").count(), 10_000);
+}
+
+/// Requests of 300 testers to one server.
+fn tester(number: u32) -> CanId {
+    CanId::extended(if number < 256 { 0x18DA_2000 | number } else { 0x18DA_2100 | number & 0xFF })
+}
+
+#[test]
+fn open_iso_tp_messages() {
+    let mut scene = Scene::new();
+    for number in 0..300 {
+        // 4 GB announced, two bytes sent.
+        let data = [0x10, 0, 0xFF, 0xFF, 0xFF, 0xFF, 0x36, 1];
+        scene.frame(Frame::data_frame(tester(number), &data));
+    }
+    assert_eq!(scene.evicted("open ISO-TP message"), 300 - TRANSPORT_LIMIT);
+    assert!(scene.decoder.footprint() < 1 << 20);
+    let events = scene.finish();
+    let open = events.iter().filter(|event| event["kind"] == "isotp-transfer").count();
+    assert_eq!(open, TRANSPORT_LIMIT);
+}
+
+#[test]
+fn waiting_uds_requests() {
+    let mut scene = Scene::new();
+    for number in 0..300 {
+        scene.frame(Frame::data_frame(tester(number), &[2, 0x11, 1]));
+    }
+    assert_eq!(scene.evicted("waiting UDS request"), 300 - EXCHANGE_LIMIT);
+}
+
+/// 80 messages at once, a frame of CAN FD each in turn, until the data kept of them would be too much.
+#[test]
+fn data_of_open_iso_tp_messages() {
+    let mut scene = Scene::new();
+    let mut data = [0x55; 64];
+    for round in 0..1_000_usize {
+        for number in 0..80 {
+            if round == 0 {
+                data[..6].copy_from_slice(&[0x10, 0, 0xFF, 0xFF, 0xFF, 0xFF]);
+            } else {
+                data[0] = 0x20 | u8::try_from(round & 0x0F).unwrap();
+            }
+            let mut frame = Frame::data_frame(tester(number), &data);
+            frame.flags = FrameFlags::FD;
+            scene.frame(frame);
+        }
+    }
+    assert!(scene.evicted("data of open ISO-TP messages") > 0);
+    assert!(scene.decoder.footprint() < 2 * OPEN_DATA_LIMIT + (1 << 20));
+    for event in scene.finish().iter().filter(|event| event["kind"] == "isotp-transfer") {
+        assert!(event["data"].as_str().unwrap().len() <= 2 * TRANSFER_DATA_LIMIT);
+        assert_eq!(event["announced"], u32::MAX);
+    }
 }
 
 #[test]

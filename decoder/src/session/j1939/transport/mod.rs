@@ -297,12 +297,24 @@ impl Bus {
     }
 
     /// Emits a transfer. `frame` is the one that ended it.
-    fn finish_transport(&self, session: Box<Session>, ending: Ending, frame: &Frame, out: &mut dyn Observer) {
+    fn finish_transport(
+        &mut self,
+        session: Box<Session>,
+        ending: Ending,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
         let (id, frames) = (session.id(), session.frames);
+        let is_whole = session.is_whole() && !session.cut_start;
         let transfer = self.transport_event(session, ending);
+        let payload = (is_whole && !transfer.truncated).then(|| transfer.data.clone());
         let mut event = self.j1939_event(frame, id, EventKind::J1939Transfer(Box::new(transfer)));
         event.frames = frames;
         out.event(&event, self);
+        // What arrived is what the device says, though an answer may be missing.
+        if let Some(payload) = payload.filter(|_| ending != Ending::Unfinished) {
+            self.on_j1939_payload(id, &payload, frames, frame, out);
+        }
     }
 
     /// A transfer as an event; its data moves there.
