@@ -17,7 +17,7 @@ fn every_capture_gives_the_events_written_beside_it() {
     let catalogue = Catalogue::default();
     let mut names = captures("j1939");
     names.retain(|name| name.file_name().unwrap().to_string_lossy().starts_with("nm_"));
-    assert!(names.len() >= 6);
+    assert!(names.len() >= 7);
     let mut report = String::new();
     for name in &names {
         let expected = Expected::read(&name.with_extension("expected.txt"));

@@ -31,7 +31,7 @@ pub(super) fn frame(thing: &str, asked: &Asked) -> Option<String> {
     while reader.read(&mut batch).ok()? {
         for item in batch.items() {
             let Item::Frame(frame) = item else { continue };
-            let mut head = match (uds::frame(frame, asked), frame.id) {
+            let head = match (uds::frame(frame, asked), frame.id) {
                 (Some(isotp), _) => isotp,
                 (None, CanId::Standard(id)) => identifier::identifier(id) + &command(frame),
                 (None, CanId::Extended(id)) => j1939::identifier(id).unwrap_or_default() + &command(frame),

@@ -305,15 +305,14 @@ impl Bus {
         out: &mut dyn Observer,
     ) {
         let (id, frames) = (session.id(), session.frames);
-        let is_whole = session.is_whole() && !session.cut_start;
         let transfer = self.transport_event(session, ending);
-        let payload = (is_whole && !transfer.truncated).then(|| transfer.data.clone());
         let mut event = self.j1939_event(frame, id, EventKind::J1939Transfer(Box::new(transfer)));
         event.frames = frames;
         out.event(&event, self);
-        // What arrived is what the device says, though an answer may be missing.
-        if let Some(payload) = payload.filter(|_| ending != Ending::Unfinished) {
-            self.on_j1939_payload(id, &payload, frames, frame, out);
+        let EventKind::J1939Transfer(transfer) = event.kind else { return };
+        // An answer the capture lacks makes the data no less whole.
+        if !transfer.truncated && matches!(transfer.outcome, Outcome::Complete | Outcome::Timeout) {
+            self.on_j1939_payload(id, &transfer.data, frames, frame, out);
         }
     }
 
