@@ -327,7 +327,7 @@ const CORPUS: [(&str, usize, usize, usize); 56] = [
     ("opendbc__acura_ilx_2016_nidec.dbc", 36, 69, 0),
     ("opendbc__bmw_e9x_e8x.dbc", 326, 165, 0),
     ("opendbc__cadillac_ct6_chassis.dbc", 6, 23, 0),
-    ("opendbc__chrysler_cusw.dbc", 26, 97, 3),
+    ("opendbc__chrysler_cusw.dbc", 26, 97, 2),
     ("opendbc__comma_body.dbc", 14, 60, 0),
     ("opendbc__fca_giorgio.dbc", 37, 155, 1),
     ("opendbc__ford_cgea1_2_bodycan_2011.dbc", 102, 829, 0),
@@ -340,7 +340,7 @@ const CORPUS: [(&str, usize, usize, usize); 56] = [
     ("opendbc__tesla_can.dbc", 44, 572, 1),
     ("opendbc__toyota_prius_2010_pt.dbc", 26, 78, 0),
     ("opendbc__volvo_v40_2017_pt.dbc", 51, 165, 0),
-    ("opendbc__vw_mqb.dbc", 113, 1348, 1),
+    ("opendbc__vw_mqb.dbc", 113, 1348, 0),
     ("opendbc__vw_pq.dbc", 86, 1317, 14),
     ("remora_ctrl_proto__remora.dbc", 14, 17, 0),
 ];

@@ -45,7 +45,7 @@ fn a_field_alone_asks_whether_it_is_there() {
     assert_eq!(matching("toggle_error"), ["guard-reply"]);
     assert_eq!(matching("last_emcy"), ["node-lost"], "null is not there");
     assert_eq!(matching("!(kind == lss) && !node_name").len(), 0);
-    assert_eq!(matching("signals.assumed"), ["pdo"; 2]);
+    assert_eq!(matching("signals.assumed && kind == pdo"), ["pdo"; 2]);
 }
 
 #[test]
@@ -66,7 +66,7 @@ fn one_value_of_several_is_enough() {
     assert_eq!(matching("frames != 3").len(), all, "the other one is 4");
     assert_eq!(matching("signals.id == 2001sub1 && kind == pdo"), ["pdo"]);
     assert_eq!(matching("signals.value == -2 && kind == pdo"), ["pdo"]);
-    assert_eq!(matching("signals.value > 199"), ["pdo"; 2]);
+    assert_eq!(matching("signals.value > 199 && kind == pdo"), ["pdo"; 2]);
     assert_eq!(matching("signals.name == speed && kind == pdo"), ["pdo"; 2]);
     assert_eq!(matching("can.id in {0x600..0x67F}"), ["sdo-transfer"; 5]);
 }

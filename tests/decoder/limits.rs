@@ -163,7 +163,7 @@ fn objects() {
 fn extended_identifiers() {
     let mut scene = Scene::new();
     for number in 0..10_000 {
-        scene.frame(Frame::data_frame(CanId::extended(number * 16), &[1]));
+        scene.frame(Frame::data_frame(CanId::extended(0x18FF_0000 | number / 40 << 8 | number % 40), &[1]));
     }
     // Once: every frame of a further identifier would say the same.
     assert_eq!(scene.evicted("29-bit identifiers kept apart"), 1);

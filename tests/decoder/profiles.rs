@@ -217,7 +217,7 @@ fn a_sample_that_shows_nothing_is_wrong() {
     );
     assert_eq!(
         wrong("frames = [\"181#EF01\"]\npdo = \"TPDO1\""),
-        ["16: acme-pump: sample: it states no value of the PDO: give signals or texts"]
+        ["16: acme-pump: sample: it states no value of TPDO1: give signals or texts"]
     );
     assert_eq!(
         wrong("frames = [\"181#EF01\"]\nemcy = 0x8110"),

@@ -56,7 +56,7 @@ fn a_mistake_gives_4_and_its_place() {
         let output = run(&[command, "--bus", name, "fixtures/canopen/emcy.log"], "");
         assert_eq!(output.code, 4);
         let expected = format!(
-            "cobscope: {name}:2:1: unknown field `nmae`, expected one of `name`, `object`, `device`, `dcf`, `eds`, `unit`, `tx_area`, `rx_area`\n  \
+            "cobscope: {name}:2:1: unknown field `nmae`, expected one of `name`, `object`, `device`, `dcf`, `eds`, `unit`, `tx_area`, `rx_area`, `spn_conversion`\n  \
              2 | nmae = \"pump\"\n    | ^^^^\n"
         );
         assert_eq!(output.stderr, expected);
@@ -89,7 +89,7 @@ fn a_device_of_the_bus_file() {
     // RE 30027-Z: 5208:02 = 00FA = 250 bar; 1FA0 = 8096 of 16383 = 49.4 %; 2000 = 8192 of 16383 × 250 bar.
     let input = "(1.0) can0 082#\n(1.1) can0 602#4008520200000000\n(1.101) can0 582#4B085202FA000000\n\
                  (1.2) can0 182#08A01F0020\n";
-    let output = decode("device.toml", &example(2), input);
+    let output = decode("device.toml", &example(3), input);
     let line = output.lines().find(|line| line.contains("TPDO1")).unwrap();
     assert!(line.contains("angle 49.4 %") && line.contains("p 125.0 bar"), "{line}");
     is_shown(line);
@@ -103,7 +103,7 @@ fn a_device_of_the_bus_file() {
 fn a_unit_of_the_bus_file() {
     // 1388 = 5000 thousandths.
     let input = "(1.0) can0 601#4001660100000000\n(1.1) can0 581#4301660188130000\n";
-    let output = decode("unit.toml", &example(3), input);
+    let output = decode("unit.toml", &example(5), input);
     assert!(output.contains("6601:01 Position actual value 1 = 5.000 mm ok"), "{output}");
 }
 
@@ -111,7 +111,7 @@ fn a_unit_of_the_bus_file() {
 fn areas_of_the_bus_file() {
     // 00014D5A = 85338 / 327.67 = 260.4 bar; the discrete inputs follow in bytes 4 and 5, the status in 6 and 7.
     let input = "(1.0) can0 1BF#5A4D010000010000\n(1.1) can0 23F#5A4D0100FF7F0000\n";
-    let output = decode("areas.toml", &example(4), input);
+    let output = decode("areas.toml", &example(6), input);
     let line = output.lines().find(|line| line.contains("TPDO1")).unwrap();
     assert!(line.contains("p A 260.4 bar, Discrete inputs 0100h enable"), "{line}");
     is_shown(line);

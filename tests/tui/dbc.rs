@@ -67,7 +67,7 @@ fn signals_in_json() {
     assert_eq!(found.len(), 3);
     assert_eq!(found[0]["name"], "MOTION");
     let expected = json!([
-        {"id": null, "name": "Speed", "raw": 30, "value": 15.0, "unit": "km/h", "origin": "dbc"},
+        {"id": null, "name": "Speed", "raw": 30, "value": 15, "unit": "km/h", "origin": "dbc"},
         {"id": null, "name": "State", "raw": 1, "value": 1, "label": "driving", "origin": "dbc"},
     ]);
     assert_eq!(found[0]["signals"], expected);

@@ -145,7 +145,7 @@ fn counts() {
     // 24 variables, 9 entries of 1003 … (docs/profile-counts.md); 0000, 8305, 8003.
     let output = run(&["profiles", "show", "--count", "danfoss-pve-ci:pveo"], "");
     assert_eq!(output.code, 0);
-    assert!(output.stdout.starts_with("danfoss-pve-ci:pveo\n  object entries   61\n  EMCY codes       3\n"));
+    assert!(output.stdout.starts_with("danfoss-pve-ci:pveo\n  object entries   68\n  EMCY codes       3\n"));
     // The controller has 96 objects more than the amplifier.
     assert!(
         run(&["profiles", "show", "--count", "wandfluh-md2"], "").stdout.contains("object entries   490\n")

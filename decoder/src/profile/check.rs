@@ -530,9 +530,9 @@ mod tests {
             fields = [{ object = \"1001:00\", bits = 16 }, { object = \"2000:00\", bits = 64 }]\n\
             when = { object = \"1000:00\", equals = 1 }\n";
         let wrong = errors(pdo);
-        assert_eq!(wrong[0], "2: TPDO1 has 80 bits; a frame holds 64");
-        assert_eq!(wrong[1], "2: 1001:00 has fewer than 16 bits");
-        assert_eq!(wrong[2], "2: field: 2000:00 is no object of this profile");
+        assert_eq!(wrong[0], "2: 1001:00 has fewer than 16 bits");
+        assert_eq!(wrong[1], "2: field: 2000:00 is no object of this profile");
+        assert_eq!(wrong[2], "2: TPDO1 has 80 bits; a frame holds 64");
         assert_eq!(wrong[3], "2: the last entry of TPDO1 has no `when`");
     }
 

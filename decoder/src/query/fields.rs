@@ -258,7 +258,7 @@ mod tests {
     fn names_of_wireshark_are_understood() {
         let keys = |name| resolve(name).iter().map(|target| target.field.key.clone()).collect::<Vec<_>>();
         assert_eq!(keys("canopen.node_id"), ["node"]);
-        assert_eq!(keys("can.id"), ["cob_id", "cob_ids", "id"]);
+        assert_eq!(keys("can.id"), ["cob_id", "cob_ids", "id", "ids", "ids"]);
         assert_eq!(keys("canopen.sdo.main_idx"), ["object", "object", "object"]);
         assert!(keys("canopen.nod_id").is_empty());
     }
