@@ -35,8 +35,8 @@ pub use layout::{
 };
 pub use lookup::{
     Bits, CanErrors, Code, Codes, LssNames, UdsCode, UdsNames, UdsService, ValueIn, abort_codes, can_errors,
-    emcy_codes, error_register, failure_modes, fault_hints, industry_groups, lamp_names, lss, pgn_name, transport_aborts,
-    uds,
+    emcy_codes, error_register, failure_modes, fault_hints, industry_groups, lamp_names, lss, pgn_name,
+    transport_aborts, uds,
 };
 
 pub use meaning::{Factor, Meaning, bit_words, integer, word};
