@@ -164,7 +164,10 @@ fn extended_identifiers() {
     scene.checker.kept = Some(Vec::new());
     // From 40 addresses: more than 48 are no network.
     for number in 0..10_000 {
-        scene.frame(Frame::data_frame(CanId::extended(0x18FF_0000 | number / 40 << 8 | number % 40), &[1]));
+        scene.frame(Frame::data_frame(
+            CanId::extended(0x18FF_0000 | (number / 40) << 8 | (number % 40)),
+            &[1],
+        ));
     }
     // Once: every frame of a further identifier would say the same.
     assert_eq!(scene.evicted("29-bit identifiers kept apart"), 1);

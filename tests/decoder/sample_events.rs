@@ -410,17 +410,19 @@ fn messages_of_frames(ends: &Ends) -> Vec<EventKind> {
     [message, single].map(|message| EventKind::IsoTpTransfer(Box::new(message))).into()
 }
 
-fn diagnostics() -> Vec<EventKind> {
-    let ends =
-        Ends { source: Some(0x1F1), target: Some(0x102), functional: true, server: Some("ECU".into()) };
-    let message = |data: &[u8]| Message {
+fn message(data: &[u8]) -> Message {
+    Message {
         id: CanId::extended(0x1BC7_8802),
         data: data.to_vec(),
         size: 9000,
         truncated: false,
         frames: FrameRange { first: 3, last: 4 },
-    };
-    let written = UdsExchange {
+    }
+}
+
+/// A node-ID that is written by UDS.
+fn written(ends: &Ends) -> UdsExchange {
+    UdsExchange {
         ends: ends.clone(),
         service: 0x2E,
         sub_function: Some(SubFunction { value: 1, suppress_response: true }),
@@ -435,7 +437,13 @@ fn diagnostics() -> Vec<EventKind> {
         pending: 2,
         latency: Some(8_000_000),
         duration: Some(9_000_000),
-    };
+    }
+}
+
+fn diagnostics() -> Vec<EventKind> {
+    let ends =
+        Ends { source: Some(0x1F1), target: Some(0x102), functional: true, server: Some("ECU".into()) };
+    let written = written(&ends);
     let named = UdsExchange { request: Some(message(&[0x2E, 1, 0x10, 200, 0])), ..written.clone() };
     let session = UdsExchange {
         service: 0x10,

@@ -2,6 +2,7 @@
 //!
 //! The notation is described in `fixtures/README.md`.
 
+use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -40,8 +41,9 @@ fn decode(path: &Path, bus_file: &str) -> (Vec<String>, Vec<UdsExchange>) {
     let (mut messages, mut exchanges) = (Vec::new(), Vec::new());
     let mut see = |event: &Event, _: &Bus| match &event.kind {
         EventKind::IsoTpTransfer(message) if message.outcome == MessageOutcome::Complete => {
-            let data: String = message.data.iter().map(|byte| format!("{byte:02X}")).collect();
-            messages.push(format!("{} {:X} {data}", event.frames.last, message.id.number()));
+            let mut line = format!("{} {:X} ", event.frames.last, message.id.number());
+            message.data.iter().for_each(|byte| write!(line, "{byte:02X}").unwrap());
+            messages.push(line);
         }
         EventKind::UdsExchange(exchange) => exchanges.push((**exchange).clone()),
         _ => {}

@@ -76,18 +76,22 @@ fn signals_in_json() {
 
 #[test]
 fn of_several_the_option_goes_before_the_bus_and_the_bus_before_all() {
-    let named = |name: &str| DBC.replace("MOTION", name);
+    let renamed = |name: &str| DBC.replace("MOTION", name);
     let bus_file = "dbc = \"all.dbc\"\n[bus.can0]\ndbc = [\"own.dbc\", \"more.dbc\"]\n";
-    let more = named("MORE").replace("100 ", "101 ");
-    let files =
-        [("bus.toml", bus_file), ("all.dbc", &named("ALL")), ("own.dbc", &named("OWN")), ("more.dbc", &more)];
+    let more = renamed("MORE").replace("100 ", "101 ");
+    let files = [
+        ("bus.toml", bus_file),
+        ("all.dbc", &renamed("ALL")),
+        ("own.dbc", &renamed("OWN")),
+        ("more.dbc", &more),
+    ];
     let folder = folder("dbc_order", &files);
     let path = |name: &str| folder.join(name).to_str().unwrap().to_owned();
     let names = |arguments: &[&str]| -> Vec<_> {
         frames(arguments).iter().map(|event| event["name"].as_str().unwrap().to_owned()).collect()
     };
     assert_eq!(names(&["--bus", &path("bus.toml")]), ["OWN", "OWN", "OWN", "MORE"]);
-    fs::write(folder.join("option.dbc"), named("OPTION")).unwrap();
+    fs::write(folder.join("option.dbc"), renamed("OPTION")).unwrap();
     let option = names(&["--bus", &path("bus.toml"), "--dbc", &path("option.dbc")]);
     assert_eq!(option, ["OPTION", "OPTION", "OPTION", "MORE"]);
     fs::write(folder.join("bus.toml"), "dbc = \"all.dbc\"\n[bus.can1]\ndbc = \"own.dbc\"\n").unwrap();

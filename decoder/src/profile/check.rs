@@ -393,8 +393,8 @@ impl Check<'_> {
                 }
                 message.when.0.iter().for_each(|when| self.condition(when, span));
             }
-            Trigger::Dtc(Some((spn, fmi))) if self.device.dtc(*spn, *fmi).is_none() => {
-                self.say(span, format!("there is no fault {spn}/{fmi}"));
+            Trigger::Dtc(Some((parameter, fmi))) if self.device.dtc(*parameter, *fmi).is_none() => {
+                self.say(span, format!("there is no fault {parameter}/{fmi}"));
             }
             _ => {}
         }

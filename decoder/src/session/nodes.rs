@@ -64,9 +64,8 @@ impl Bus {
         match self.routes.find(id).and_then(|slot| self.routes.slot(slot)).map(|slot| slot.service) {
             Some(Service::IsoTp(link)) => self.uds.pairs().describe(link),
             _ if !self.belief.is_believed() => String::new(),
-            None | Some(Service::Unclassified) => String::new(),
+            None | Some(Service::Unclassified | Service::J1939(_)) => String::new(),
             Some(Service::Named(name)) => name.to_owned(),
-            Some(Service::J1939(_)) => String::new(),
             Some(Service::Nmt) => "NMT".to_owned(),
             Some(Service::Sync) => "SYNC".to_owned(),
             Some(Service::Time) => "TIME".to_owned(),

@@ -97,7 +97,7 @@ impl NodeStatistics {
             EventKind::SdoTransfer(transfer) => self.transfer(transfer, time),
             EventKind::AddressClaim(_) => self.claims += 1,
             EventKind::Dtc(dtc) if dtc.action == DtcAction::Raised => {
-                self.dtcs.add(dtc_key(dtc.spn, dtc.fmi))
+                self.dtcs.add(dtc_key(dtc.spn, dtc.fmi));
             }
             _ => {}
         }

@@ -103,7 +103,7 @@ impl Shape {
         match (data.get(usize::from(place.offset)..)?, place.high, order) {
             ([low, ..], Some(high), _) => Some(u16::from_be_bytes([high, *low])),
             ([high, low, ..], None, ByteOrder::MsbFirst) => Some(u16::from_be_bytes([*high, *low])),
-            ([low, high, ..], None, ByteOrder::LsbFirst) => Some(u16::from_be_bytes([*high, *low])),
+            ([low, high, ..], None, ByteOrder::LsbFirst) => Some(u16::from_le_bytes([*low, *high])),
             _ => None,
         }
     }

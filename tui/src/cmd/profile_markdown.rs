@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use cobscope_decoder::profile::Device;
+use cobscope_decoder::profile::device::UdsIdentifier;
 use cobscope_decoder::sink::escape;
 
 use super::describe::{FIRM, behaviour, j1939, network, uds};
@@ -155,10 +156,10 @@ fn aborts(device: &Device) -> Vec<Vec<String>> {
 }
 
 fn uds_identifiers(device: &Device) -> Vec<Vec<String>> {
-    let rows = device.uds.identifier.iter().map(|it| it.get_ref());
-    let rows = rows
-        .map(|it| vec![format!("{:04X}", it.id), it.name.clone(), uds::identifier(it), it.source.clone()]);
-    rows.collect()
+    let row = |it: &UdsIdentifier| {
+        vec![format!("{:04X}", it.id), it.name.clone(), uds::identifier(it), it.source.clone()]
+    };
+    device.uds.identifier.iter().map(|it| row(it.get_ref())).collect()
 }
 
 fn uds_codes(device: &Device) -> Vec<Vec<String>> {

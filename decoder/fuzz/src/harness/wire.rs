@@ -170,7 +170,7 @@ fn isotp_message(message: IsoTp<'_>, data: &[u8]) {
             assert!(sequence < 16 && data.get(1..) == Some(more) && !more.is_empty());
         }
         IsoTp::FlowControl(control) => {
-            assert!((100_000..=127_000_000).contains(&control.separation().max(100_000)))
+            assert!((100_000..=127_000_000).contains(&control.separation().max(100_000)));
         }
         IsoTp::Unknown { control } => assert_eq!(control, data[0]),
     }
@@ -205,7 +205,7 @@ pub fn j1939(data: &[u8]) {
     let payload = payload(rest);
     if let Some(id) = J1939Id::of(u32::from_le_bytes(*id) & 0x1FFF_FFFF) {
         assert!(id.priority < 8 && id.pgn == Pgn::new(id.pgn.number()));
-        assert!(!id.pgn.is_addressed() || id.pgn.number() & 0xFF == 0);
+        assert!(!id.pgn.is_addressed() || id.pgn.number().is_multiple_of(0x100));
     }
     if let Some(name) = Name::read(payload) {
         assert!(name.fields().manufacturer_code < 1 << 11 && name.fields().identity_number < 1 << 21);

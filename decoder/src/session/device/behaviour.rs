@@ -110,8 +110,8 @@ impl Bus {
         let (Some(event), Some(planned)) = (entry.prepared.as_deref(), &entry.plan) else { return };
         let plan = Arc::clone(&planned.plan);
         let layout = match &event.kind {
-            EventKind::Pdo(Pdo { layout: Some(layout), is_request: false, .. }) => Arc::clone(layout),
-            EventKind::J1939Message(J1939Message { layout: Some(layout), .. }) => Arc::clone(layout),
+            EventKind::Pdo(Pdo { layout: Some(layout), is_request: false, .. })
+            | EventKind::J1939Message(J1939Message { layout: Some(layout), .. }) => Arc::clone(layout),
             _ => return,
         };
         let Some(device) = self.node(id).map(|node| Arc::clone(&node.device)) else { return };

@@ -108,8 +108,7 @@ fn evidence(id: J1939Id, data: &[u8]) -> Option<bool> {
         // Bytes 5 of RTS and BAM aside, all controls of TP.CM are few.
         Pgn::TP_CM => matches!(data, [16 | 17 | 19 | 32 | 255, _, _, _, _, _, _, _]),
         Pgn::ETP_CM => matches!(data, [20..=23 | 255, _, _, _, _, _, _, _]),
-        Pgn::TP_DT => data.len() == 8,
-        Pgn::DM1 => data.len() == 8,
+        Pgn::TP_DT | Pgn::DM1 => data.len() == 8,
         _ => return None,
     })
 }

@@ -270,8 +270,9 @@ fn message(id: J1939Id, frame: &Frame, group: Group) -> J1939Message {
 #[inline]
 fn continues(before: &[u8], now: &[u8]) -> bool {
     const LONGEST: u8 = 223;
+    const NUMBER: u8 = 0x1F;
     match (before, now) {
-        ([first, 9..=LONGEST, ..], [second, ..]) => first & 0x1F == 0 && *second == *first | 1,
+        ([first, 9..=LONGEST, ..], [second, ..]) => first & NUMBER == 0 && *second == *first | 1,
         _ => false,
     }
 }

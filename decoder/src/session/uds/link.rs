@@ -63,7 +63,7 @@ impl Link {
 /// What the bus file says.
 #[derive(Debug, Clone, Default)]
 pub(in crate::session) struct Pairs {
-    pairs: Vec<UdsPair>,
+    list: Vec<UdsPair>,
     names: Vec<Option<Arc<str>>>,
     groups: Vec<CanId>,
 }
@@ -75,13 +75,13 @@ impl Pairs {
         groups.sort_unstable();
         groups.dedup();
         let names = pairs.iter().map(|pair| pair.name.as_deref().map(Into::into)).collect();
-        Self { pairs, names, groups }
+        Self { list: pairs, names, groups }
     }
 
     /// All identifiers with their links.
     pub(in crate::session) fn links(&self) -> impl Iterator<Item = (CanId, Link)> {
         let number = |place: usize| u16::try_from(place).unwrap_or(u16::MAX);
-        let pairs = self.pairs.iter().enumerate().flat_map(move |(place, pair)| {
+        let pairs = self.list.iter().enumerate().flat_map(move |(place, pair)| {
             let link = |from_client| Link::Named { pair: number(place), from_client };
             [(pair.request, link(true)), (pair.response, link(false))]
         });
@@ -90,7 +90,7 @@ impl Pairs {
     }
 
     fn pair(&self, pair: u16) -> Option<&UdsPair> {
-        self.pairs.get(usize::from(pair))
+        self.list.get(usize::from(pair))
     }
 
     /// Whether an address stands before each payload.
@@ -100,7 +100,7 @@ impl Pairs {
             Link::Named { pair, .. } => self.pair(pair).is_some_and(|pair| pair.extended_addressing),
             Link::Group(group) => {
                 let id = self.groups.get(usize::from(group)).copied();
-                self.pairs.iter().any(|pair| pair.functional == id && pair.extended_addressing)
+                self.list.iter().any(|pair| pair.functional == id && pair.extended_addressing)
             }
         }
     }

@@ -260,8 +260,7 @@ fn is_service(data: &[u8]) -> bool {
     const NEGATIVE: u8 = 0x7F;
     let known = |service: u8| profile::uds().service(service & !0x40).is_some();
     match data {
-        [NEGATIVE, service, ..] => known(*service),
-        [service, ..] => known(*service),
+        [NEGATIVE, service, ..] | [service, ..] => known(*service),
         [] => false,
     }
 }

@@ -105,7 +105,7 @@ impl Reassembly {
                 let odd = [transfer.flow_control(*control, frame), None];
                 let refused = control.status == FlowStatus::Overflow && odd[0].is_none();
                 let ended = if refused { self.close(link.back()) } else { None };
-                Taken { odd, ended, ..Taken::default() }
+                Taken { ended, odd, ..Taken::default() }
             }
             IsoTp::Unknown { .. } => Taken { is_stray: true, ..Taken::default() },
         }

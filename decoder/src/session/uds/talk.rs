@@ -58,7 +58,7 @@ impl Bus {
         if is_pending && exchange.is_some() {
             return self.arm_exchanges(link.back());
         }
-        self.conclude(exchange, Final { link, transfer, service, nrc }, frame, out);
+        self.conclude(exchange.as_ref(), &Final { link, transfer, service, nrc }, frame, out);
     }
 
     fn on_request(
@@ -123,18 +123,24 @@ impl Bus {
     }
 
     /// A final answer came.
-    fn conclude(&mut self, exchange: Option<Exchange>, answer: Final, frame: &Frame, out: &mut dyn Observer) {
-        let outcome = match (&exchange, answer.nrc) {
+    fn conclude(
+        &mut self,
+        exchange: Option<&Exchange>,
+        answer: &Final,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        let outcome = match (exchange, answer.nrc) {
             (None, _) => ExchangeOutcome::Unsolicited,
             (Some(_), Some(_)) => ExchangeOutcome::Negative,
             (Some(_), None) => ExchangeOutcome::Positive,
         };
         let server = answer.link.back();
         let mut frames = answer.transfer.frames;
-        if let Some(exchange) = &exchange {
+        if let Some(exchange) = exchange {
             frames = FrameRange { first: exchange.request.frames.first, last: frames.last };
         }
-        let told = self.describe_exchange(server, answer.service, exchange.as_ref(), Some(answer), outcome);
+        let told = self.describe_exchange(server, answer.service, exchange, Some(answer), outcome);
         let written = self.node_id_written(server, &told);
         self.emit_exchange(server, told, frames, frame, out);
         if let Some((from, to)) = written {
@@ -160,7 +166,7 @@ impl Bus {
     fn uds_node(&self, link: Link) -> Option<NodeId> {
         let address = link.server()?;
         let canopen = Some(NodeId::Canopen(address)).filter(|id| self.belief.is_believed() && id.is_valid());
-        canopen.or_else(|| Some(NodeId::J1939(address))).filter(|id| id.is_valid())
+        canopen.or(Some(NodeId::J1939(address))).filter(|id| id.is_valid())
     }
 
     fn identifier_order(&self, link: Link) -> ByteOrder {
@@ -190,26 +196,26 @@ impl Bus {
         link: Link,
         service: u8,
         exchange: Option<&Exchange>,
-        answer: Option<Final>,
+        answer: Option<&Final>,
         outcome: ExchangeOutcome,
     ) -> UdsExchange {
         let order = self.identifier_order(link);
         let identifier = match exchange {
             Some(exchange) => exchange.identifier,
-            None => answer.as_ref().and_then(|answer| {
+            None => answer.and_then(|answer| {
                 let shape = profile::uds().service(service).filter(|_| answer.nrc.is_none())?.response();
                 shape.identifier(answer.transfer.data.get(1..)?, order)
             }),
         };
         let sub_function = exchange.and_then(|exchange| exchange.sub_function).or_else(|| {
-            let answer = answer.as_ref().filter(|answer| answer.nrc.is_none())?;
+            let answer = answer.filter(|answer| answer.nrc.is_none())?;
             let shape = profile::uds().service(service)?.response();
             shape.sub_function(answer.transfer.data.get(1..)?)
         });
         let node = self.uds_node(link).and_then(|id| self.node(id));
         let known = identifier.and_then(|id| node?.device.uds.identifier(id));
         let asked = exchange.map(|exchange| &exchange.request);
-        let answered = answer.as_ref().map(|answer| &answer.transfer);
+        let answered = answer.map(|answer| &answer.transfer);
         let between = |from: Option<i64>, to: Option<i64>| Some(to?.saturating_sub(from?));
         UdsExchange {
             ends: self.uds.pairs.ends(link),
@@ -223,7 +229,7 @@ impl Bus {
             order,
             request: asked.map(|transfer| message(transfer)),
             outcome,
-            nrc: answer.as_ref().and_then(|answer| answer.nrc),
+            nrc: answer.and_then(|answer| answer.nrc),
             pending: exchange.map_or(0, |exchange| exchange.pending),
             latency: between(
                 asked.and_then(|asked| asked.last_time),

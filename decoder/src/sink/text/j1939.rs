@@ -84,37 +84,7 @@ fn transfer_words(transfer: &J1939Transfer, bus: &Bus) -> Words {
         _ => format!("{} bytes", transfer.size),
     };
     let _ = write!(what, " {size}: {}", bytes(&transfer.data));
-    let tone = match transfer.outcome {
-        Outcome::Complete => {
-            what.push_str(" ok");
-            Tone::Plain
-        }
-        Outcome::Aborted => {
-            let abort =
-                transfer.abort.unwrap_or(crate::event::TransportAbort { reason: 0, by_sender: false });
-            let by = if abort.by_sender { "sender" } else { "receiver" };
-            let text = profile::transport_aborts().text(u32::from(abort.reason));
-            let _ = write!(what, " ABORTED by {by}: {} {text}", abort.reason);
-            Tone::Bad
-        }
-        Outcome::Timeout => {
-            let timer = transfer.timer.map_or(String::new(), |timer| format!(" ({})", timer.name()));
-            let _ = write!(what, " TIME-OUT{timer}");
-            Tone::Bad
-        }
-        Outcome::Superseded => {
-            what.push_str(" given up: another one began");
-            Tone::Caution
-        }
-        Outcome::Incomplete => {
-            what.push_str(" not whole");
-            Tone::Caution
-        }
-        Outcome::Unfinished => {
-            what.push_str(" unfinished when the capture ends");
-            Tone::Caution
-        }
-    };
+    let tone = outcome_words(transfer, &mut what);
     if transfer.missing > 0 {
         let _ = write!(what, ", {} packets missing", transfer.missing);
     }
@@ -136,6 +106,42 @@ fn transfer_words(transfer: &J1939Transfer, bus: &Bus) -> Words {
         what.push_str(&String::from_utf8_lossy(&signals));
     }
     Words { who: pair(transfer.source, transfer.destination, bus), kind: "TP", what, tone }
+}
+
+/// How a transfer ended.
+fn outcome_words(transfer: &J1939Transfer, what: &mut String) -> Tone {
+    match transfer.outcome {
+        Outcome::Complete => {
+            what.push_str(" ok");
+            Tone::Plain
+        }
+        Outcome::Aborted => {
+            what.push_str(" ABORTED");
+            if let Some(abort) = transfer.abort {
+                let by = if abort.by_sender { "sender" } else { "receiver" };
+                let text = profile::transport_aborts().text(u32::from(abort.reason));
+                let _ = write!(what, " by {by}: {} {text}", abort.reason);
+            }
+            Tone::Bad
+        }
+        Outcome::Timeout => {
+            let timer = transfer.timer.map_or(String::new(), |timer| format!(" ({})", timer.name()));
+            let _ = write!(what, " TIME-OUT{timer}");
+            Tone::Bad
+        }
+        Outcome::Superseded => {
+            what.push_str(" given up: another one began");
+            Tone::Caution
+        }
+        Outcome::Incomplete => {
+            what.push_str(" not whole");
+            Tone::Caution
+        }
+        Outcome::Unfinished => {
+            what.push_str(" unfinished when the capture ends");
+            Tone::Caution
+        }
+    }
 }
 
 fn acknowledgement(answer: &J1939Acknowledgement, bus: &Bus) -> Words {

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::Tone;
 use super::line::{Words, bytes, millis, seconds};
 use crate::event::{Ends, Event, EventKind, ExchangeOutcome, IsoTpTransfer, MessageOutcome, UdsExchange};
-use crate::profile::{Device, Effect, Value, ValueIn, uds};
+use crate::profile::{Device, Effect, UdsService, Value, ValueIn, uds};
 use crate::query::record::device as device_of;
 use crate::session::Bus;
 
@@ -125,7 +125,7 @@ fn content(exchange: &UdsExchange) -> String {
         bytes(shape.map_or(rest, |shape| shape.record(rest)))
     };
     let request = exchange.request.as_ref().map_or(String::new(), |request| behind(&request.data, false));
-    let is_read = service.and_then(|service| service.value_in()) == Some(ValueIn::Response);
+    let is_read = service.and_then(UdsService::value_in) == Some(ValueIn::Response);
     let answered = exchange.response.as_ref().filter(|_| exchange.nrc.is_none());
     let response = answered.map_or(String::new(), |response| behind(&response.data, true));
     match (request.is_empty(), response.is_empty()) {

@@ -133,10 +133,8 @@ pub fn management(data: &[u8], is_extended: bool) -> Result<(Management, Pgn), M
 /// # Errors
 /// Fewer than eight bytes.
 pub fn packet(data: &[u8], is_extended: bool) -> Result<(u8, [u8; 7]), Malformed> {
-    match *data {
-        [sequence, a, b, c, d, e, f, g, ..] => Ok((sequence, [a, b, c, d, e, f, g])),
-        _ => Err(Malformed::at(if is_extended { "etp.dt" } else { "tp.dt" }, 0, 8, data.len())),
-    }
+    let parts = data.split_first().and_then(|(sequence, rest)| Some((*sequence, *rest.first_chunk()?)));
+    parts.ok_or_else(|| Malformed::at(if is_extended { "etp.dt" } else { "tp.dt" }, 0, 8, data.len()))
 }
 
 #[cfg(test)]

@@ -1,9 +1,8 @@
 //! What a profile says of UDS, in words.
 
-use cobscope_decoder::profile::Device;
-use cobscope_decoder::profile::Effect;
 use cobscope_decoder::profile::device::{UdsIdentifier, UdsNrc};
 use cobscope_decoder::profile::object::Role;
+use cobscope_decoder::profile::{DataType, Device, Effect};
 use cobscope_decoder::wire::canopen::emcy::ByteOrder;
 
 /// How identifiers and numbers are sent.
@@ -17,7 +16,7 @@ pub(in crate::cmd) fn order(device: &Device) -> &'static str {
 /// `rw UNSIGNED8, 1 to 127, 32 as delivered, the node-ID, active after reset node`.
 pub(in crate::cmd) fn identifier(identifier: &UdsIdentifier) -> String {
     let access = identifier.access.map_or("", |access| access.name());
-    let kind = identifier.data_type.map_or(String::new(), |data_type| data_type.name());
+    let kind = identifier.data_type.map_or(String::new(), DataType::name);
     let unit = if identifier.unit.is_empty() { String::new() } else { format!(" {}", identifier.unit) };
     let role = match identifier.role {
         Some(Role::NodeId) => "the node-ID".to_owned(),

@@ -142,8 +142,8 @@ fn addresses(id: u32, device: &Device) -> Vec<NodeId> {
         let mut messages = device.messages.iter();
         messages.any(|it| it.direction == Direction::Receive && it.concerns(id.pgn, *address))
     };
-    let taker = (first..=last).find(takes).filter(|_| !device.messages.is_empty());
-    taker.into_iter().chain([id.source]).map(NodeId::J1939).filter(|node| node.is_valid()).collect()
+    let receiver = (first..=last).find(takes).filter(|_| !device.messages.is_empty());
+    receiver.into_iter().chain([id.source]).map(NodeId::J1939).filter(|node| node.is_valid()).collect()
 }
 
 /// What the manuals say of the error in an event.
@@ -153,6 +153,7 @@ fn explained(event: &Event, asked: &Asked) -> Option<String> {
             let code = emergency.code.filter(|code| *code != 0)?;
             code::emcy(asked, code, false)
         }
+        EventKind::Dtc(dtc) => j1939::fault(asked, &format!("{}/{}", dtc.spn, dtc.fmi)),
         EventKind::SdoTransfer(transfer) => Some(code::abort(asked, transfer.abort?.code)),
         _ => None,
     }

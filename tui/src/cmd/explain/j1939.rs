@@ -70,16 +70,14 @@ pub(super) fn fault(asked: &Asked, text: &str) -> Option<String> {
         block.list(&told, "(--device NAME tells more)");
         return Some(block.finish());
     };
-    Some(match device.dtc(spn, fmi) {
-        Some(own) => of_device(device, own, mode),
-        None => {
-            let what = format!("J1939 fault: not in the manual of {}", device.title);
-            let mut block = Block::new(&title, &what);
-            block.row("FMI", mode);
-            block.row("sent as", &sent_as(spn, fmi));
-            block.finish()
-        }
-    })
+    if let Some(own) = device.dtc(spn, fmi) {
+        return Some(of_device(device, own, mode));
+    }
+    let what = format!("J1939 fault: not in the manual of {}", device.title);
+    let mut block = Block::new(&title, &what);
+    block.row("FMI", mode);
+    block.row("sent as", &sent_as(spn, fmi));
+    Some(block.finish())
 }
 
 fn of_device(device: &Device, own: &TroubleCode, mode: &str) -> String {

@@ -42,15 +42,14 @@ fn nrc(asked: &Asked, code: u8) -> String {
         })
         .collect()
     };
-    match &asked.device {
-        Some(device) => block.rows(&device.title, &texts(device)),
-        None => {
-            let told = asked.every_device(|device| {
-                let texts = texts(device);
-                (!texts.is_empty()).then(|| texts.join("; "))
-            });
-            block.list(&told, MORE);
-        }
+    if let Some(device) = &asked.device {
+        block.rows(&device.title, &texts(device));
+    } else {
+        let told = asked.every_device(|device| {
+            let texts = texts(device);
+            (!texts.is_empty()).then(|| texts.join("; "))
+        });
+        block.list(&told, MORE);
     }
     block.finish()
 }

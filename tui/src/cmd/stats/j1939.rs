@@ -5,6 +5,7 @@ use cobscope_decoder::session::{Bus, Node};
 use cobscope_decoder::sink::table::{Align, Table};
 use cobscope_decoder::statistics::{BusStatistics, dtc_of_key};
 use cobscope_decoder::wire::NodeId;
+use cobscope_decoder::wire::j1939::Name;
 use serde_json::{Value, json};
 
 /// One row an address that sent anything: addresses as they are at the end.
@@ -30,7 +31,7 @@ pub(super) fn table(bus: &Bus, statistics: &BusStatistics, text: &mut String) {
         let (known, counted) = (bus.node(id), statistics.nodes.get(&id));
         let name = known.and_then(Node::j1939_name);
         let part = |part: Option<u32>| part.map_or("–".to_owned(), |part| part.to_string());
-        let parts = name.map(|name| name.fields());
+        let parts = name.map(Name::fields);
         let industry = parts.map_or("", |parts| industry(parts.industry_group));
         table.row([
             id.label(),
@@ -61,7 +62,7 @@ pub(super) fn records(bus: &Bus, statistics: &BusStatistics) -> Vec<Value> {
         let id = NodeId::J1939(address);
         let (known, counted) = (bus.node(id), statistics.nodes.get(&id));
         let name = known.and_then(Node::j1939_name);
-        let parts = name.map(|name| name.fields());
+        let parts = name.map(Name::fields);
         let faults = counted.into_iter().flat_map(|node| node.dtcs.sorted()).map(|(key, count)| {
             let (spn, fmi) = dtc_of_key(key);
             json!({"spn": spn, "fmi": fmi, "raised": count})

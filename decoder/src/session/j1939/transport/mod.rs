@@ -117,7 +117,7 @@ impl Bus {
                 self.transport_step(part, key, |session| session.aborted(abort, frame), out);
             }
             Management::Unknown => {
-                self.contradicts(part, "unknown control byte of connection management", out)
+                self.contradicts(part, "unknown control byte of connection management", out);
             }
         }
     }
@@ -265,7 +265,7 @@ impl Bus {
     /// deadline that moves never lies before it.
     fn arm_transport(&mut self, place: u16) {
         if self.clock.runs()
-            && let Some(deadline) = self.transports.to_queue(place)
+            && let Some(deadline) = self.transports.queue(place)
         {
             let soonest = self.clock.now().saturating_add(SHORTEST);
             self.timers.add(deadline.min(soonest), Subject::Transport(place));

@@ -109,7 +109,7 @@ impl Transports {
     }
 
     /// The deadline of a transfer that has no entry in the timer queue; it has one from now on.
-    pub(super) fn to_queue(&mut self, place: u16) -> Option<i64> {
+    pub(super) fn queue(&mut self, place: u16) -> Option<i64> {
         let place = self.places.get_mut(usize::from(place))?;
         let (_, session) = place.open.as_ref()?;
         (!std::mem::replace(&mut place.is_queued, true)).then(|| session.deadline())
@@ -136,11 +136,11 @@ impl Transports {
     }
 
     /// Takes out all transfers in the order they began.
-    pub(super) fn drain(&mut self) -> Vec<Box<Session>> {
+    pub(super) fn drain(&mut self) -> impl Iterator<Item = Box<Session>> + use<> {
         let places: Vec<u16> = self.by_key.values().copied().collect();
         let mut open: Vec<_> = places.into_iter().filter_map(|place| self.close(place)).collect();
         open.sort_by_key(|session| session.frames.first);
-        open
+        open.into_iter()
     }
 
     /// Bytes held.
