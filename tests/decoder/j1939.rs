@@ -4,15 +4,17 @@
 //! The notation is described in `fixtures/README.md`.
 
 use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
 
-use cobscope_decoder::capture::BusNames;
+use cobscope_decoder::capture::{Batch, BusNames, Item, ReadOptions, Reader};
 use cobscope_decoder::decoder::Decoder;
-use cobscope_decoder::event::{Event, EventKind, Outcome};
+use cobscope_decoder::event::{Event, EventKind, Outcome, Protocol};
 use cobscope_decoder::frame::{CanId, Frame, Timestamp};
 use cobscope_decoder::session::{Bus, SessionOptions};
 use proptest::prelude::*;
 
-use crate::scene::{Expected, captures, events};
+use crate::scene::{Expected, captures, events, keys};
 
 #[test]
 fn every_capture_gives_the_events_written_beside_it() {
@@ -26,6 +28,69 @@ fn every_capture_gives_the_events_written_beside_it() {
         expected.compare(&name.file_name().unwrap().to_string_lossy(), &found, &mut report);
     }
     assert!(report.is_empty(), "\n{report}");
+}
+
+/// Frames of a capture by the time since its first one, numbered from `first` on.
+fn frames(path: &Path, first: u64) -> Vec<Frame> {
+    let bytes = fs::read(path.with_extension("log")).unwrap();
+    let mut reader = Reader::open(&bytes[..], &ReadOptions::default()).unwrap();
+    let (mut batch, mut frames) = (Batch::new(), Vec::new());
+    while reader.read(&mut batch).unwrap() {
+        frames.extend(batch.items().filter_map(|item| match item {
+            Item::Frame(frame) => Some(*frame),
+            Item::Notice(_) => None,
+        }));
+    }
+    let start = frames[0].time.unwrap();
+    for frame in &mut frames {
+        frame.time = Some(Timestamp(frame.time.unwrap().since(start)));
+        frame.number += first;
+    }
+    frames
+}
+
+/// The events of one protocol, each as all it tells; without those that only the end of the capture makes.
+fn told(frames: &[Frame], of: fn(Protocol) -> bool) -> Vec<String> {
+    let mut names = BusNames::default();
+    names.index_of(b"can0");
+    let mut decoder = Decoder::new(SessionOptions::default());
+    let mut told = Vec::new();
+    for frame in frames {
+        decoder.push(frame, &names, &mut |event: &Event, bus: &Bus| {
+            if of(event.protocol) {
+                told.push(format!("{:?}", keys(event, bus)));
+            }
+        });
+    }
+    told
+}
+
+#[test]
+fn canopen_and_j1939_on_one_bus_are_told_as_each_alone() {
+    let (mut canopen_events, mut j1939_events) = (0, 0);
+    let ours = captures("canopen");
+    for (theirs, own) in captures("j1939").iter().zip(ours.iter().cycle().skip(3)) {
+        if theirs.ends_with("mixed") {
+            continue;
+        }
+        let (canopen, j1939) = (frames(own, 0), frames(theirs, 1_000_000));
+        let mut both = [canopen.clone(), j1939.clone()].concat();
+        both.sort_by_key(|frame| frame.time);
+        let is_canopen = |protocol| protocol == Protocol::Canopen;
+        let is_j1939 = |protocol| protocol == Protocol::J1939;
+        for (frames, of, sum) in [
+            (&canopen, is_canopen as fn(Protocol) -> bool, &mut canopen_events),
+            (&j1939, is_j1939, &mut j1939_events),
+        ] {
+            let (alone, together) = (told(frames, of), told(&both, of));
+            // Behind the last frame of one protocol those of the other go on: time-outs more may be told.
+            let differs = alone.iter().zip(&together).find(|(alone, together)| alone != together);
+            assert_eq!(differs, None, "{} with {}", own.display(), theirs.display());
+            assert!(together.len() >= alone.len(), "{} with {}", own.display(), theirs.display());
+            *sum += alone.len();
+        }
+    }
+    assert!(canopen_events > 500 && j1939_events > 150, "{canopen_events} {j1939_events}");
 }
 
 /// A frame of a transport protocol, as identifier and payload.

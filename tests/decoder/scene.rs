@@ -103,7 +103,8 @@ fn signals(pdo: &Pdo) -> String {
     signals.collect::<Vec<_>>().join(",")
 }
 
-fn keys(event: &Event, bus: &Bus) -> Keys {
+/// All an event tells.
+pub fn keys(event: &Event, bus: &Bus) -> Keys {
     let mut flat = Flat::default();
     visit(event, bus, None, &mut flat);
     let mut keys = flat.keys;
