@@ -43,7 +43,16 @@ fn sdo_name(transfer: &SdoTransfer) -> String {
 }
 
 /// Decodes a capture of the corpus; `None`, said aloud, if it is not there.
-pub fn decode(path: &str, mut see: impl FnMut(&Event, &Bus)) -> Option<Decoder> {
+pub fn decode(path: &str, see: impl FnMut(&Event, &Bus)) -> Option<Decoder> {
+    decode_with(SessionOptions::default(), path, see)
+}
+
+/// The same with options.
+pub fn decode_with(
+    options: SessionOptions,
+    path: &str,
+    mut see: impl FnMut(&Event, &Bus),
+) -> Option<Decoder> {
     let path = support::corpus().join(path);
     let Ok(bytes) = fs::read(&path) else {
         support::skip("corpus", &format!("{} is not there", path.display()));
@@ -51,7 +60,7 @@ pub fn decode(path: &str, mut see: impl FnMut(&Event, &Bus)) -> Option<Decoder> 
     };
     let source = decompress(&bytes[..]).unwrap();
     let mut reader = Reader::open(source, &ReadOptions::default()).unwrap();
-    let mut decoder = Decoder::new(SessionOptions::default());
+    let mut decoder = Decoder::new(options);
     let mut batch = Batch::new();
     while reader.read(&mut batch).unwrap() {
         for item in batch.items() {

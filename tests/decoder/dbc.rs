@@ -10,13 +10,16 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
 
+use cobscope_decoder::event::{EventKind, J1939Message};
 use cobscope_decoder::frame::CanId;
 use cobscope_decoder::profile::dbc::{self, Database, DatabaseFile, DatabaseMessage};
-use cobscope_decoder::profile::{Field, SignalId, Value};
+use cobscope_decoder::profile::{Field, Layout, SignalId, Value};
+use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::wire::j1939::Pgn;
 use proptest::prelude::*;
 use serde_json::Value as Json;
 
+use crate::corpus::decode_with;
 use crate::harness;
 use crate::support::{corpus, python, skip, workspace};
 
@@ -185,6 +188,26 @@ impl Differences {
         }
     }
 
+    /// What a frame shows: `theirs` is a line of `tests/oracles/dbc_capture.py`.
+    fn frame(&mut self, message: &J1939Message, layout: &Layout, theirs: &Json) {
+        let place = format!("frame {}", theirs["frame"]);
+        let mut ours: Vec<_> = layout.signals(message.payload()).map(|signal| signal.field).collect();
+        for value in theirs["values"].as_array().unwrap() {
+            let value = value.as_array().unwrap();
+            let is_it = |field: &&Field| {
+                value[0] == mended(field.name().unwrap()) && value[1] == field.bit && value[2] == field.bits
+            };
+            let Some(at) = ours.iter().position(|field| is_it(field)) else {
+                self.note(&place, &format!("{} is not there", value[0]));
+                continue;
+            };
+            let field = ours.remove(at);
+            let place = format!("{place} {}", value[0]);
+            self.value(&place, field, message.payload(), &Json::from(&value[3..]));
+        }
+        ours.iter().for_each(|field| self.note(&place, &format!("{:?} is not theirs", field.name())));
+    }
+
     fn value(&mut self, place: &str, field: &Field, data: &[u8], theirs: &Json) {
         let Some([raw, scaled, label]) = theirs.as_array().map(Vec::as_slice) else {
             return self.note(place, "no value");
@@ -282,6 +305,48 @@ fn every_signal_is_what_cantools_makes_of_it() {
     let counts = (differences.values, differences.labels, differences.selections);
     assert_eq!(differences.known, BTreeMap::from(DIFFERENCES));
     assert_eq!(counts, (90_096, 6937, 21_446));
+}
+
+/// The truck with the largest database of J1939 there is in the corpus, frame by frame.
+#[test]
+fn a_truck_shows_what_cantools_reads_in_its_frames() {
+    const TRUCK: &str =
+        "j1939/remora_ctrl_proto__candump-2021-07-21_220402-15-seconds-engine-on-big-truck.log";
+    let path = corpus().join("dbc/canmatrix__j1939.dbc");
+    if !path.exists() {
+        return skip("corpus", &format!("{} is not there", path.display()));
+    }
+    let Some(python) = python() else {
+        return skip("python", "signals of a capture are not compared with cantools");
+    };
+    let script = workspace().join("tests/oracles/dbc_capture.py");
+    let output = Command::new(python).arg(script).arg(corpus().join(TRUCK)).arg(&path).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let lines = String::from_utf8(output.stdout).unwrap();
+    let theirs: BTreeMap<u64, Json> = lines
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .map(|it: Json| (it["frame"].as_u64().unwrap(), it))
+        .collect();
+    let mut database = Database::default();
+    database.add(read(&path));
+    let options = SessionOptions { database: Arc::new(database), ..SessionOptions::default() };
+    let mut differences = Differences::default();
+    let mut compared = 0;
+    decode_with(options, TRUCK, |event, _| {
+        if let EventKind::J1939Message(message) = &event.kind
+            && let Some(theirs) = theirs.get(&event.frames.last)
+        {
+            compared += 1;
+            match &message.layout {
+                Some(layout) => differences.frame(message, layout, theirs),
+                None => differences.note(&theirs["frame"].to_string(), "no signals"),
+            }
+        }
+    });
+    assert_eq!(differences.unknown, "");
+    assert_eq!((compared, theirs.len()), (542, 542));
+    assert_eq!(differences.values, 2918);
 }
 
 /// Every file of the corpus: messages, signals and problems. Where there are no problems the numbers are those of
