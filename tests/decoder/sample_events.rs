@@ -12,7 +12,7 @@ use cobscope_decoder::event::{
     Undecoded,
 };
 use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags, MAX_DATA, Timestamp};
-use cobscope_decoder::profile::dbc;
+use cobscope_decoder::profile::dbc::{self, Database};
 use cobscope_decoder::profile::object::{BitName, BitNames, Names};
 use cobscope_decoder::profile::{
     Carrier, Catalogue, DataType, Effect, Factor, Field, Layout, Meaning, PdoDirection, PdoName,
@@ -33,12 +33,18 @@ const PROFILE: &str = "id = \"acme-pump\"\ntitle = \"PUMP\"\n[[abort]]\ncode = 0
                        [[j1939.dtc]]\nspn = 298985\nfmi = 19\ntext = \"time guarding\"\n\
                        [[uds.nrc]]\ncode = 0x31\ntext = \"no such thing\"\n";
 
+const DBC: &str = "VERSION \"\"\nBO_ 2566844926 M: 8 N\n SG_ Guard : 0|8@1+ (1,0) [0|250] \"\" N\n\
+                   BA_DEF_ SG_ \"SPN\" INT 0 524287;\nBA_ \"SPN\" SG_ 2566844926 Guard 298985;\n";
+
 /// A bus on which node 2, named `ABCD`, was heard; it is an `acme-pump`.
 pub fn bus() -> Bus {
     let mut catalogue = Catalogue::default();
     catalogue.add_text("pump.toml", PROFILE).unwrap();
     let device = catalogue.device("acme-pump").unwrap();
+    let mut database = Database::default();
+    database.add(dbc::parse(DBC.as_bytes()).unwrap());
     let options = SessionOptions {
+        database: Arc::new(database),
         node_names: vec![(2.into(), "ABCD".into())],
         assignments: vec![Assignment { bus: None, node: 2.into(), device, by: AssignedBy::Option }],
         ..SessionOptions::default()

@@ -61,6 +61,22 @@ fn frames_of_a_dbc_are_printed_when_they_change() {
 }
 
 #[test]
+fn a_fault_has_the_name_of_its_parameter() {
+    // SPN 91 FMI 3 once, malfunction lamp.
+    const FAULT: &str = "(1700000000.0) can0 18FECA00#40FF5B000301FFFF\n";
+    let pedal = "VERSION \"\"\nBO_ 2364540158 EEC2: 8 N\n SG_ Pedal : 8|8@1+ (0.4,0) [0|100] \"%\" N\n\
+                 BA_DEF_ SG_ \"SPN\" INT 0 524287;\nBA_ \"SPN\" SG_ 2364540158 Pedal 91;\n";
+    let folder = folder("dbc_fault", &[("pedal.dbc", pedal)]);
+    let dbc = folder.join("pedal.dbc");
+    let dbc = dbc.to_str().unwrap();
+    let text = ok(&["decode", "--dbc", dbc], FAULT).stdout;
+    assert!(text.contains("SPN 91 Pedal, FMI 3 voltage too high"), "{text}");
+    let output = ok(&["decode", "--dbc", dbc, "-f", "jsonl", "--filter", "spn_name == Pedal"], FAULT).stdout;
+    let event: Value = serde_json::from_str(&output).unwrap();
+    assert_eq!((&event["kind"], &event["spn"]), (&json!("dtc"), &json!(91)));
+}
+
+#[test]
 fn signals_in_json() {
     let folder = folder("dbc_json", &[("motion.dbc", DBC)]);
     let found = frames(&["--dbc", folder.join("motion.dbc").to_str().unwrap()]);

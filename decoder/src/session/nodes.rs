@@ -9,6 +9,7 @@ use super::node::Node;
 use super::routes::Service;
 use super::timers::Subject;
 use crate::frame::{BusIndex, CanId};
+use crate::profile::dbc::Parameter;
 use crate::profile::{Meaning, NothingKnown, Resolver, plain_device};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
@@ -33,6 +34,11 @@ impl Bus {
     /// Whether the 29-bit frames are believed to be J1939.
     pub fn is_j1939(&self) -> bool {
         self.j1939.is_believed()
+    }
+
+    /// Name and unit of a suspect parameter, by the user's databases.
+    pub fn parameter(&self, spn: u32) -> Option<&Parameter> {
+        self.database.parameter(spn)
     }
 
     /// The node with this number now; a bare number is a CANopen node-ID.

@@ -1,24 +1,25 @@
 //! Fields of J1939 events and of irregular transport sessions.
 
 use super::transfer::signals;
-use super::{FieldValue, Fields};
+use super::{FieldValue, Fields, device};
 use crate::event::{
-    AddressClaim, CommandedAddress, Dtc, EventKind, Irregularity, J1939Acknowledgement, J1939Message,
+    AddressClaim, CommandedAddress, Dtc, Event, EventKind, Irregularity, J1939Acknowledgement, J1939Message,
     J1939Request, J1939Transfer, MessageGap,
 };
-use crate::profile::{self, Device};
+use crate::profile;
+use crate::session::Bus;
 use crate::wire::j1939::{Name, Pgn};
 
 /// The fields of a J1939 event; `false` if it is none.
-pub(super) fn tell(kind: &EventKind, device: &Device, fields: &mut dyn Fields) -> bool {
-    match kind {
+pub(super) fn tell(event: &Event, bus: &Bus, fields: &mut dyn Fields) -> bool {
+    match &event.kind {
         EventKind::J1939Message(message) => j1939_message(message, fields),
         EventKind::J1939Transfer(transfer) => j1939_transfer(transfer, fields),
         EventKind::J1939Request(request) => j1939_request(request, fields),
         EventKind::Acknowledgement(answer) => acknowledgement(answer, fields),
         EventKind::AddressClaim(claim) => address_claim(claim, fields),
         EventKind::CommandedAddress(command) => commanded_address(command, fields),
-        EventKind::Dtc(dtc) => trouble_code(dtc, device, fields),
+        EventKind::Dtc(dtc) => trouble_code(dtc, event, bus, fields),
         EventKind::MessageGap(gap) => message_gap(gap, fields),
         EventKind::TransportIrregularity(what) => irregularity(what, fields),
         _ => return false,
@@ -147,13 +148,16 @@ fn commanded_address(command: &CommandedAddress, fields: &mut dyn Fields) {
     name_fields(command.name, fields);
 }
 
-fn trouble_code(dtc: &Dtc, device: &Device, fields: &mut dyn Fields) {
+fn trouble_code(dtc: &Dtc, event: &Event, bus: &Bus, fields: &mut dyn Fields) {
     number("source_address", dtc.source, fields);
     number("spn", dtc.spn, fields);
+    if let Some(parameter) = bus.parameter(dtc.spn) {
+        fields.field("spn_name", FieldValue::Text(&parameter.name));
+    }
     number("fmi", dtc.fmi, fields);
     fields.field("count", dtc.count.map_or(FieldValue::Null, |count| FieldValue::Unsigned(u64::from(count))));
     fields.field("action", FieldValue::Text(dtc.action.name()));
-    if let Some(own) = device.dtc(dtc.spn, dtc.fmi) {
+    if let Some(own) = device(event, bus).dtc(dtc.spn, dtc.fmi) {
         fields.field("text", FieldValue::Text(&own.text));
     }
     if let Some(mode) = profile::failure_modes().find(u32::from(dtc.fmi)) {

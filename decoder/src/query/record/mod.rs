@@ -127,7 +127,7 @@ fn details(event: &Event, bus: &Bus, fields: &mut dyn Fields) {
             }
         }
         _ if device::tell(&event.kind, fields) => {}
-        _ if j1939::tell(&event.kind, device(event, bus), fields) => {}
+        _ if j1939::tell(event, bus, fields) => {}
         _ if uds::tell(&event.kind, device(event, bus), fields) => {}
         _ => bus::about_the_bus(&event.kind, fields),
     }

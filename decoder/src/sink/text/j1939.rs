@@ -205,7 +205,8 @@ fn commanded(command: &CommandedAddress, bus: &Bus) -> Words {
 fn dtc_words(dtc: &Dtc, event: &Event, bus: &Bus) -> Words {
     let own = device_of(event, bus).dtc(dtc.spn, dtc.fmi);
     let assumed = if dtc.is_old_coding { "?" } else { "" };
-    let mut what = format!("SPN {}{assumed} FMI {}", dtc.spn, dtc.fmi);
+    let name = bus.parameter(dtc.spn).map_or(String::new(), |parameter| format!(" {},", parameter.name));
+    let mut what = format!("SPN {}{assumed}{name} FMI {}", dtc.spn, dtc.fmi);
     let mode = profile::failure_modes().find(u32::from(dtc.fmi));
     match (own, mode) {
         (Some(own), _) => {
