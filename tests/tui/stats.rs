@@ -194,3 +194,23 @@ fn counts_are_those_of_tshark() {
         assert_eq!(ours, theirs, "{name}");
     }
 }
+
+#[test]
+fn identifiers_of_j1939_are_named_by_their_group() {
+    let text = run(&["stats", "fixtures/j1939/mixed.log"], "").stdout;
+    // AVC of valve 0 goes to all (PDU2), the request from F1 to 80, EEFF80 to the address of all.
+    for (id, what) in [
+        ("0CFE30F1", "FE30 AVC valve 0 of F1  "),
+        ("18EA80F1", "EA00 request, F1 to 80  "),
+        ("18EEFF80", "EE00 address claimed, 80 to all  "),
+        ("18DA20F1", "ISO-TP F1 to 20  "),
+        ("705", "heartbeat, guarding of 5  "),
+    ] {
+        let mut rows = text.lines().filter_map(|line| line.trim_start().strip_prefix(id));
+        assert!(rows.any(|rest| rest.trim_start().starts_with(what)), "{id}: {what}\n{text}");
+    }
+    // 64 addresses, and nothing that is evidence: no J1939 network.
+    let lines: String = (0..64).map(|n| format!("({n}.0) can0 18FF00{n:02X}#00\n")).collect();
+    let text = run(&["stats", "-"], &lines).stdout;
+    assert!(!text.contains("FF00 "), "{text}");
+}

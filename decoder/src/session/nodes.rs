@@ -69,6 +69,7 @@ impl Bus {
     pub fn describe_id(&self, id: CanId) -> String {
         match self.routes.find(id).and_then(|slot| self.routes.slot(slot)).map(|slot| slot.service) {
             Some(Service::IsoTp(link)) => self.uds.pairs().describe(link),
+            Some(Service::J1939(_)) if !self.j1939.is_doubted() => self.describe_group(id),
             _ if !self.belief.is_believed() => String::new(),
             None | Some(Service::Unclassified | Service::J1939(_)) => String::new(),
             Some(Service::Named(name)) => name.to_owned(),

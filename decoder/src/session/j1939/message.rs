@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::cadence::{Cadence, carrier_name};
 use crate::event::{EventKind, FrameRange, J1939Message};
-use crate::frame::{Frame, FrameFlags};
+use crate::frame::{CanId, Frame, FrameFlags};
 use crate::profile::device::{Direction, MessageSpec};
 use crate::profile::{Carrier, Device, Layout, NothingKnown, PdoDirection, Resolver, isobus, pgn_name};
 use crate::session::canopen::layout_of_profile;
@@ -224,6 +224,19 @@ impl Bus {
         let is_long = message.length.is_none_or(|length| usize::from(length) > FRAME_BYTES);
         let layout = (length > FRAME_BYTES || !is_long).then(|| Arc::clone(&message.layout));
         Some(Group { name: Some(message.name.as_str().into()), layout })
+    }
+
+    /// What a J1939 identifier means: `FE30 AVC valve 0 of F1`, `EA00 request, F1 to 80`.
+    pub(in crate::session) fn describe_group(&self, id: CanId) -> String {
+        let CanId::Extended(id) = id else { return String::new() };
+        let Some(id) = J1939Id::of(id) else { return String::new() };
+        let name = self.group(id, FRAME_BYTES).name.map_or(String::new(), |name| format!(" {name}"));
+        let ends = match (id.pgn.is_addressed(), id.destination) {
+            (false, _) => format!(" of {:02X}", id.source),
+            (true, ALL) => format!(", {:02X} to all", id.source),
+            (true, destination) => format!(", {:02X} to {destination:02X}", id.source),
+        };
+        format!("{:04X}{name}{ends}", id.pgn.number())
     }
 
     /// Name of a group, whoever sends it.
