@@ -197,7 +197,7 @@ impl Differences {
             let is_it = |field: &&Field| {
                 value[0] == mended(field.name().unwrap()) && value[1] == field.bit && value[2] == field.bits
             };
-            let Some(at) = ours.iter().position(|field| is_it(field)) else {
+            let Some(at) = ours.iter().position(is_it) else {
                 self.note(&place, &format!("{} is not there", value[0]));
                 continue;
             };
@@ -205,7 +205,9 @@ impl Differences {
             let place = format!("{place} {}", value[0]);
             self.value(&place, field, message.payload(), &Json::from(&value[3..]));
         }
-        ours.iter().for_each(|field| self.note(&place, &format!("{:?} is not theirs", field.name())));
+        for field in ours {
+            self.note(&place, &format!("{:?} is not theirs", field.name()));
+        }
     }
 
     fn value(&mut self, place: &str, field: &Field, data: &[u8], theirs: &Json) {

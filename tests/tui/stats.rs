@@ -210,7 +210,7 @@ fn identifiers_of_j1939_are_named_by_their_group() {
         assert!(rows.any(|rest| rest.trim_start().starts_with(what)), "{id}: {what}\n{text}");
     }
     // 64 addresses, and nothing that is evidence: no J1939 network.
-    let lines: String = (0..64).map(|n| format!("({n}.0) can0 18FF00{n:02X}#00\n")).collect();
+    let lines = (0..64).map(|n| format!("({n}.0) can0 18FF00{n:02X}#00\n")).collect::<Vec<_>>().concat();
     let text = run(&["stats", "-"], &lines).stdout;
     assert!(!text.contains("FF00 "), "{text}");
 }

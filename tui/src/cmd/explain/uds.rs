@@ -156,7 +156,10 @@ fn message(data: &[u8], asked: &Asked) -> String {
     if let Some(id) = shape.identifier(rest, order) {
         let own = asked.device.as_ref().and_then(|device| device.uds.identifier(id));
         let name = own.map(|own| own.name.as_str()).or_else(|| profile::uds().identifier(id));
-        let _ = write!(text, ", identifier {id:04X} {}", name.unwrap_or_default());
+        let _ = write!(text, ", identifier {id:04X}");
+        if let Some(name) = name {
+            let _ = write!(text, " {name}");
+        }
         if own.is_none() && name.is_none() {
             let swapped = asked.every_device(|device| {
                 let sent = shape.identifier(rest, device.uds.order())?;
