@@ -94,10 +94,11 @@ fn messages_are_those_tshark_puts_together() {
 }
 
 /// A recorded flashing session: 58 messages by tshark (the README of the corpus).
+#[cfg(feature = "gzip")]
 #[test]
 fn a_recorded_flashing_session() {
     let path = support::corpus().join("uds/scapy__ecu_trace.pcap.gz");
-    if !path.exists() || !support::is_readable("a.gz") {
+    if !path.exists() {
         return support::skip("corpus", &format!("{} is not there", path.display()));
     }
     let bus_file = "[[uds]]\nrequest = 0x710\nresponse = 0x77A\nfunctional = 0x700\n\
@@ -116,10 +117,11 @@ fn a_recorded_flashing_session() {
 }
 
 /// A recorded scan of one server; the capture has its identifiers the other way round.
+#[cfg(feature = "gzip")]
 #[test]
 fn a_recorded_scan() {
     let path = support::corpus().join("uds/scapy__candump_uds_scanner.pcap.gz");
-    if !path.exists() || !support::is_readable("a.gz") {
+    if !path.exists() {
         return support::skip("corpus", &format!("{} is not there", path.display()));
     }
     let (messages, exchanges) = decode(&path, "[[uds]]\nrequest = 0x641\nresponse = 0x651\n");
