@@ -12,10 +12,12 @@
 //! node = 5
 //! ```
 
+mod judgement;
 mod model;
 mod uds;
 mod value;
 
+pub use judgement::{Judgement, RuleSettings, Suppression};
 pub use uds::UdsPair;
 pub use value::encode;
 
@@ -89,12 +91,14 @@ impl FromStr for AreaEntry {
 }
 
 /// A bus file that was understood.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct BusFile {
     /// What holds on every bus.
     pub everywhere: Settings,
     /// What holds on one bus, by its name; it goes before what holds everywhere.
     pub buses: Vec<(String, Settings)>,
+    /// What it says of rules.
+    pub judgement: Judgement,
 }
 
 impl BusFile {

@@ -1,7 +1,7 @@
 //! CAN captures to annotated CANopen events.
 //!
 //! ```text
-//! bytes ─capture─▶ Frame ─session: route─▶ wire ─▶ Message ─session (+ profile)─▶ Event ─▶ sink, query, statistics
+//! bytes ─capture─▶ Frame ─session: route─▶ wire ─▶ Message ─session (+ profile)─▶ Event ─rules─▶ Finding ─▶ sink, query, statistics
 //! ```
 //!
 //! Each folder is one of these arrows and imports only from those left of it; [`decoder`] alone knows all.
@@ -31,10 +31,12 @@ pub mod bus_file;
 pub mod capture;
 pub mod decoder;
 pub mod event;
+pub mod finding;
 pub mod frame;
 pub mod profile;
 pub mod query;
 pub mod replay;
+pub mod rules;
 pub mod samples;
 pub mod session;
 pub mod sink;

@@ -26,6 +26,7 @@ mod malformed;
 mod profiles;
 mod properties;
 mod replay;
+mod rules;
 mod same_events;
 mod sample_events;
 mod sample_j1939;

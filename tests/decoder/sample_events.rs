@@ -6,11 +6,12 @@ use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::{
     Abort, BitsChanged, BootCause, Certainty, Conflict, Crc, DeviceCause, DeviceState, Direction, Effective,
-    EmcyAction, Emergency, Ends, Event, EventKind, ExchangeOutcome, FrameRange, IsoTpTransfer, Message,
-    MessageOutcome, Mode, ModeChange, NodeIdentified, ObjectChange, Outcome, Path, Pdo, PowerSign,
+    EmcyAction, Emergency, Ends, Event, EventKind, ExchangeOutcome, FindingNews, FrameRange, IsoTpTransfer,
+    Message, MessageOutcome, Mode, ModeChange, NodeIdentified, ObjectChange, Outcome, Path, Pdo, PowerSign,
     ProcedureEvent, Protocol, Quantity, SdoTransfer, SetPoint, Silence, StateCause, StateChange, UdsExchange,
     Undecoded,
 };
+use cobscope_decoder::finding::Severity;
 use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags, MAX_DATA, Timestamp};
 use cobscope_decoder::profile::dbc::{self, Database};
 use cobscope_decoder::profile::object::{BitName, BitNames, Names};
@@ -81,6 +82,7 @@ pub fn all() -> Vec<Event> {
         transfers(),
         diagnostics(),
         layer_setting(),
+        findings(),
         bus_and_capture(),
         sample_j1939::all(&layout()),
     ]
@@ -525,6 +527,40 @@ fn described() -> EventKind {
     let message = file.messages().next().map(|(_, message)| Arc::new(message.clone()));
     let frame = Frame::data_frame(CanId::standard(291), &[255, 2, 255]);
     EventKind::Frame(Undecoded { frame, name: None, message })
+}
+
+fn findings() -> Vec<EventKind> {
+    let news = FindingNews {
+        id: 1,
+        rule: "sdo-no-response".into(),
+        severity: Severity::Warning,
+        word: "SDO",
+        text: "answered after 312 ms".into(),
+        object: Some(ObjectAddress::new(0x1018, 1)),
+        pgn: Some(65_226),
+        about: Some("valve".into()),
+        cause: Some(7),
+        downgraded: Some("the protocol is presumed only".into()),
+        count: 3,
+        source: Some("CiA 301 §7.2.4".into()),
+    };
+    let plain = FindingNews {
+        object: None,
+        pgn: None,
+        about: None,
+        cause: None,
+        downgraded: None,
+        source: None,
+        severity: Severity::Error,
+        ..news.clone()
+    };
+    let (opened, closed) = (EventKind::FindingOpened, EventKind::FindingClosed);
+    vec![
+        opened(Box::new(news.clone())),
+        opened(Box::new(plain.clone())),
+        closed(Box::new(news)),
+        closed(Box::new(plain)),
+    ]
 }
 
 fn bus_and_capture() -> Vec<EventKind> {

@@ -35,6 +35,10 @@ pub enum Command {
     ///
     /// The node is chosen by --node 5 and told what it is by --node 5=PROFILE; both may stand together.
     Why(WhyArgs),
+    /// Judge captures by rules: what violates a standard, a manual or your expectations
+    ///
+    /// Ends with 1 where there are findings at or above --fail-on.
+    Check(CheckArgs),
     /// Say what a code, an identifier, an object or one frame means
     ///
     /// THING is an SDO abort code (06020000), an EMCY code (8130), an object (1018:01, 0x1018:01,
@@ -268,6 +272,27 @@ pub struct WhyArgs {
     /// Output format
     #[arg(short, long, value_name = "FORMAT", default_value = "text")]
     pub format: ReportFormat,
+}
+
+/// `cobscope check`.
+#[derive(Debug, Args)]
+pub struct CheckArgs {
+    #[command(flatten)]
+    pub input: InputArgs,
+    /// Findings from which on the exit status is 1
+    #[arg(long, value_name = "SEVERITY", default_value = "error")]
+    pub fail_on: FailOn,
+}
+
+/// Findings that make `check` fail.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum FailOn {
+    /// Errors
+    Error,
+    /// Errors and warnings
+    Warning,
+    /// None
+    Never,
 }
 
 /// Formats of reports.

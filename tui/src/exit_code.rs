@@ -7,6 +7,8 @@ use std::process::ExitCode;
 pub enum Exit {
     /// All went well; a closed pipe counts as well.
     Clean = 0,
+    /// There are findings at or above `--fail-on`.
+    Findings = 1,
     /// The command line cannot be understood.
     Usage = 2,
     /// A capture cannot be opened or recognised, or holds no frame.

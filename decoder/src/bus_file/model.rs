@@ -6,9 +6,9 @@ use std::ops::Range;
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::uds;
 use super::value::{Value, bytes};
 use super::{AreaEntry, BIT_RATES, BusFile, ObjectValue, Settings};
+use super::{judgement, uds};
 use crate::frame::CanId;
 use crate::profile::{Owner, PdoName};
 use crate::wire::NodeId;
@@ -39,6 +39,10 @@ pub(super) struct File {
     id: Vec<Id>,
     #[serde(default)]
     uds: Vec<uds::Pair>,
+    #[serde(default)]
+    rules: judgement::Rules,
+    #[serde(default)]
+    suppress: Vec<judgement::Suppress>,
 }
 
 #[derive(Deserialize)]
@@ -162,7 +166,8 @@ impl File {
             let settings = settings(bus.bitrate, bus.node, bus.id, bus.uds)?;
             Ok((name, Settings { databases: bus.dbc.into(), ..settings }))
         });
-        Ok(BusFile { everywhere, buses: buses.collect::<Result<_, Wrong>>()? })
+        let judgement = judgement::check(self.rules, self.suppress)?;
+        Ok(BusFile { everywhere, buses: buses.collect::<Result<_, Wrong>>()?, judgement })
     }
 }
 

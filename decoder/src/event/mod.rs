@@ -4,6 +4,7 @@
 //! deadline's time. Names of kinds and of their keys in output are in `query/`.
 
 mod device;
+mod finding;
 mod j1939;
 mod node;
 mod transfer;
@@ -13,6 +14,7 @@ pub use device::{
     BitsChanged, Conflict, DeviceCause, DeviceState, Effective, ModeChange, NodeIdentified, Path,
     ProcedureEvent, Quantity, SetPoint,
 };
+pub use finding::FindingNews;
 pub use j1939::{
     AddressClaim, ClaimAction, CommandedAddress, Contention, Dtc, DtcAction, Irregularity, IrregularityKind,
     J1939Acknowledgement, J1939Message, J1939Request, J1939Transfer, MessageGap, Timer, TransportAbort,
@@ -157,6 +159,10 @@ pub enum EventKind {
     IsoTpTransfer(Box<IsoTpTransfer>),
     /// A UDS request with its answer.
     UdsExchange(Box<UdsExchange>),
+    /// A rule found something wrong.
+    FindingOpened(Box<FindingNews>),
+    /// It is over, or did not come again for a while.
+    FindingClosed(Box<FindingNews>),
     /// The controller's report of an error.
     CanError(ErrorFrame),
     /// A frame nothing more is known of; `name` where its service is named.
@@ -244,6 +250,8 @@ impl EventKind {
             Self::TransportIrregularity(_) => "transport-irregularity",
             Self::IsoTpTransfer(_) => "isotp-transfer",
             Self::UdsExchange(_) => "uds-exchange",
+            Self::FindingOpened(_) => "finding-opened",
+            Self::FindingClosed(_) => "finding-closed",
             Self::CanError(_) => "can-error",
             Self::Frame(_) => "frame",
             Self::Malformed { .. } => "malformed",

@@ -95,6 +95,14 @@ impl PowerSign {
             Self::BusWasSilent => "bus-was-silent",
         }
     }
+
+    /// The same for people.
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::OtherNodesToo => "other nodes booted too",
+            Self::BusWasSilent => "the bus was silent before",
+        }
+    }
 }
 
 /// A node's silence.

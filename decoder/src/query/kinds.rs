@@ -4,8 +4,11 @@ use serde::de::{Deserialize, Deserializer, Error as _};
 
 use crate::event::EventKind;
 
+/// How many kinds of events there are.
+pub const KIND_COUNT: usize = 45;
+
 /// Names of all kinds; a kind's place here is its number in a [`KindSet`].
-const NAMES: [&str; 43] = [
+const NAMES: [&str; KIND_COUNT] = [
     "nmt-command",
     "nmt-state",
     "boot-up",
@@ -49,6 +52,8 @@ const NAMES: [&str; 43] = [
     "transport-irregularity",
     "isotp-transfer",
     "uds-exchange",
+    "finding-opened",
+    "finding-closed",
 ];
 
 /// Place in [`NAMES`]. A new kind does not compile before it has one.
@@ -97,6 +102,8 @@ const fn number(kind: &EventKind) -> u32 {
         EventKind::TransportIrregularity(_) => 40,
         EventKind::IsoTpTransfer(_) => 41,
         EventKind::UdsExchange(_) => 42,
+        EventKind::FindingOpened(_) => 43,
+        EventKind::FindingClosed(_) => 44,
     }
 }
 
@@ -124,6 +131,17 @@ impl KindSet {
     /// Whether the kind of this name is one of them.
     pub fn contains_name(self, name: &str) -> bool {
         self.names().any(|own| own == name)
+    }
+
+    /// Places of the kinds, each below [`KIND_COUNT`].
+    pub fn places(self) -> impl Iterator<Item = usize> {
+        (0..KIND_COUNT).filter(move |place| self.0 >> place & 1 == 1)
+    }
+
+    /// The place of an event's kind.
+    #[inline]
+    pub const fn place(kind: &EventKind) -> usize {
+        number(kind) as usize
     }
 
     /// Names of the kinds.

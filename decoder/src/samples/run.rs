@@ -104,7 +104,7 @@ fn options(sample: &Sample, device: &Arc<Device>) -> Result<SessionOptions, Stri
             NodeId::Canopen(_) => ProtocolChoice::Canopen,
             NodeId::J1939(_) => ProtocolChoice::J1939,
         },
-        bus_file: BusFile { everywhere: settings, buses: Vec::new() },
+        bus_file: BusFile { everywhere: settings, ..BusFile::default() },
         assignments: vec![Assignment {
             bus: None,
             node: sample.node,

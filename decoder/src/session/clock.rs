@@ -83,6 +83,11 @@ impl Clock {
         self.last_stamp.map(|_| Timestamp(time.saturating_sub(self.offset)))
     }
 
+    /// A stamp as monotonic time, not beyond the present.
+    pub(super) fn monotonic(&self, stamp: Timestamp) -> i64 {
+        stamp.0.saturating_add(self.offset).min(self.now)
+    }
+
     /// Whether frames carry times.
     pub(super) fn runs(&self) -> bool {
         self.last_stamp.is_some()

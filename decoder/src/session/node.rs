@@ -164,6 +164,13 @@ impl AssignedBy {
     }
 }
 
+impl NmtStatus {
+    /// Monotonic nanoseconds of the frame that brought the state, in the clock of [`super::Bus::now`].
+    pub fn since(&self) -> i64 {
+        self.since
+    }
+}
+
 impl Node {
     pub(super) fn new(id: NodeId, name: Option<Arc<str>>) -> Self {
         Self {

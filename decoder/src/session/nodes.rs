@@ -8,7 +8,7 @@ use super::device::GateState;
 use super::node::Node;
 use super::routes::Service;
 use super::timers::Subject;
-use crate::frame::{BusIndex, CanId};
+use crate::frame::{BusIndex, CanId, Timestamp};
 use crate::profile::dbc::Parameter;
 use crate::profile::{Meaning, NothingKnown, Resolver, plain_device};
 use crate::wire::NodeId;
@@ -24,6 +24,26 @@ impl Bus {
     /// Index within the capture.
     pub fn index(&self) -> BusIndex {
         self.index
+    }
+
+    /// Monotonic time in nanoseconds: that of the last frame; 0 where the capture has no times.
+    pub fn now(&self) -> i64 {
+        self.clock.now()
+    }
+
+    /// A stamp of the capture as monotonic time, not beyond [`Bus::now`].
+    pub fn monotonic(&self, stamp: Timestamp) -> i64 {
+        self.clock.monotonic(stamp)
+    }
+
+    /// A monotonic time as a stamp of the capture; `None` where it has no times.
+    pub fn stamp_of(&self, time: i64) -> Option<Timestamp> {
+        self.clock.stamp_of(time)
+    }
+
+    /// Number of the last frame of this bus; 0 before the first.
+    pub fn last_frame(&self) -> u64 {
+        self.last_frame
     }
 
     /// Whether the traffic is believed to be CANopen.

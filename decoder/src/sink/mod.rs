@@ -1,6 +1,7 @@
 //! Events to bytes, one format a file.
 
 mod ascii;
+pub mod findings;
 pub mod jsonl;
 pub mod table;
 pub mod text;

@@ -93,6 +93,11 @@ impl Quality {
         (self.stamps.count > 1).then(|| STEPS.get(self.stamps.step).copied().unwrap_or(1))
     }
 
+    /// Whether two intervals between stamps differed: they are not made up.
+    pub fn has_varied(&self) -> bool {
+        self.stamps.varies
+    }
+
     /// The interval between all of the first 1,000 stamps, if it is the same throughout: they were made
     /// up, and times say nothing.
     pub fn made_up_interval(&self) -> Option<i64> {

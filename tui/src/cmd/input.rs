@@ -8,6 +8,7 @@ use anyhow::Context as _;
 use cobscope_decoder::bus_file::BusFile;
 use cobscope_decoder::capture::{ReadOptions, TimeStyle};
 use cobscope_decoder::profile::Catalogue;
+use cobscope_decoder::rules::Setup;
 use cobscope_decoder::session::{AssignedBy, Assignment, ProtocolChoice, SessionOptions};
 use cobscope_decoder::sink::escape;
 
@@ -59,9 +60,25 @@ pub(super) fn session_options(input: &InputArgs) -> anyhow::Result<SessionOption
 }
 
 fn bus_file(path: &Path) -> anyhow::Result<BusFile> {
+    let (name, text) = bus_file_text(path)?;
+    BusFile::parse(&text).map_err(|error| anyhow::anyhow!(error.show(&name)))
+}
+
+fn bus_file_text(path: &Path) -> anyhow::Result<(String, String)> {
     let name = path.display().to_string();
     let text = std::fs::read_to_string(path).with_context(|| format!("{name}: cannot be read"))?;
-    BusFile::parse(&text).map_err(|error| anyhow::anyhow!(error.show(&name)))
+    Ok((name, text))
+}
+
+/// What is judged, as the bus file says; `today` ends suppressions that ran out.
+///
+/// # Errors
+/// A bus file that cannot be read, or that names rules and tolerances that do not exist.
+pub(super) fn setup(input: &InputArgs, today: Option<String>) -> anyhow::Result<Setup> {
+    let Some(path) = &input.bus else { return Ok(Setup::default()) };
+    let (name, text) = bus_file_text(path)?;
+    let file = BusFile::parse(&text).map_err(|error| anyhow::anyhow!(error.show(&name)))?;
+    Setup::new(&file, &text, today).map_err(|error| anyhow::anyhow!(error.show(&name)))
 }
 
 /// Devices of nodes: of the bus file, then of the options, which go before it.

@@ -1,5 +1,6 @@
 //! The subcommands, one a file.
 
+mod check;
 mod databases;
 mod decode;
 mod describe;
@@ -36,6 +37,7 @@ pub fn run(cli: Cli) -> Exit {
         Command::Decode(arguments) => decode::run(&arguments),
         Command::Stats(arguments) => stats::run(&arguments),
         Command::Objects(arguments) => objects::run(&arguments),
+        Command::Check(arguments) => check::run(&arguments),
         Command::Why(arguments) => why::run(&arguments),
         Command::Explain { thing, device, profiles } => explain::run(&thing, device.as_deref(), &profiles),
         Command::Profiles { command, profiles } => profiles::run(&command, &input::catalogue(&profiles)),

@@ -34,6 +34,7 @@ pub use uds::{UdsIdentifier, UdsNrc, UdsSpec};
 use super::authored::{self, Authored, Tables, Wrong};
 use super::dictionary::{Dictionary, Object};
 use super::imported::Import;
+use super::lookup::emcy_codes;
 use super::object::{BitNames, Names, Only};
 use super::position::TextError;
 use crate::wire::canopen::ObjectAddress;
@@ -358,6 +359,14 @@ impl Device {
     /// The device's own entry of an error code.
     pub fn error(&self, code: u16) -> Option<&ErrorCode> {
         self.emcy.code.iter().find(|error| error.code == code)
+    }
+
+    /// What an error code means: by the device's manual, else by CiA 301.
+    pub fn error_text(&self, code: u16) -> &str {
+        match self.error(code) {
+            Some(error) => &error.text,
+            None => emcy_codes().text(u32::from(code)),
+        }
     }
 
     /// The device's own entry of a trouble code.

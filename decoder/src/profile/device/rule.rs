@@ -84,6 +84,15 @@ pub enum Severity {
 }
 
 impl Severity {
+    /// One step less.
+    #[must_use]
+    pub const fn lowered(self) -> Self {
+        match self {
+            Self::Error => Self::Warning,
+            Self::Warning | Self::Note => Self::Note,
+        }
+    }
+
     /// The name used in all output.
     pub const fn name(self) -> &'static str {
         match self {

@@ -5,6 +5,7 @@
 
 mod bus;
 mod device;
+mod finding;
 mod j1939;
 mod node;
 mod transfer;
@@ -126,6 +127,7 @@ fn details(event: &Event, bus: &Bus, fields: &mut dyn Fields) {
                 fields.field("persists", FieldValue::Text(persists));
             }
         }
+        EventKind::FindingOpened(news) | EventKind::FindingClosed(news) => finding::finding(news, fields),
         _ if device::tell(&event.kind, fields) => {}
         _ if j1939::tell(event, bus, fields) => {}
         _ if uds::tell(&event.kind, device(event, bus), fields) => {}

@@ -67,9 +67,7 @@ pub(super) fn emcy(emergency: &Emergency, device: &Device, fields: &mut dyn Fiel
     match emergency.code {
         Some(code) => {
             fields.field("code", FieldValue::Code(u64::from(code), 4));
-            let own = device.error(code).map(|error| error.text.as_str());
-            let text = own.unwrap_or_else(|| profile::emcy_codes().text(u32::from(code)));
-            fields.field("text", FieldValue::Text(text));
+            fields.field("text", FieldValue::Text(device.error_text(code)));
         }
         None => fields.field("code", FieldValue::Null),
     }

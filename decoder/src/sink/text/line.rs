@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::pdo::push_signals;
-use super::{Tone, device, emcy, j1939, pdo, sdo, uds};
+use super::{Tone, device, emcy, finding, j1939, pdo, sdo, uds};
 use crate::event::{
     BootCause, Certainty, Event, EventKind, FrameRange, ObjectChange, PowerSign, Silence, StateCause,
     StateChange, Undecoded,
@@ -79,6 +79,9 @@ fn words(event: &Event, bus: &Bus) -> Words {
     }
     let who = event.node.map_or(String::new(), |node| node_label(node, bus));
     let words = |kind, what: String, tone| Words { who: who.clone(), kind, what, tone };
+    if let Some((kind, what, tone)) = finding::words(&event.kind) {
+        return words(kind, what, tone);
+    }
     match &event.kind {
         EventKind::NmtCommand { service, target, from, to } => {
             let to_whom = if *target == 0 { "all".to_owned() } else { node_short((*target).into(), bus) };

@@ -10,6 +10,7 @@
 mod detail;
 mod device;
 mod emcy;
+mod finding;
 mod j1939;
 mod line;
 mod news;

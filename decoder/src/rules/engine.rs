@@ -1,0 +1,313 @@
+//! Runs the rules over the events of a capture.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+use std::sync::Arc;
+
+use super::causes::causes;
+use super::context::{Context, LEDGER, Wake};
+use super::ledger::{Ledger, News, What, occurrence};
+use super::setup::Setup;
+use super::traffic::Traffic;
+use super::{REGISTRY, Rule};
+use crate::event::{Event, EventKind, FrameRange, Protocol};
+use crate::finding::Findings;
+use crate::frame::Frame;
+use crate::query::{KIND_COUNT, KindSet};
+use crate::session::{Bus, Observer};
+use crate::statistics::Quality;
+
+/// Judges one capture. A rule sees one bus only: each has rules of its own.
+pub struct Engine {
+    setup: Arc<Setup>,
+    ledger: Ledger,
+    buses: Vec<BusJudge>,
+    quality: Quality,
+    /// News that wait until the stamps are known to be more than a made-up step.
+    held: Vec<News>,
+    /// Kinds that may explain findings.
+    explaining: KindSet,
+    events: u64,
+}
+
+/// The rules of one bus, and what they share.
+struct BusJudge {
+    name: Arc<str>,
+    rules: Vec<(u16, Box<dyn Rule>)>,
+    /// Places in `rules` by kind of event.
+    by_kind: [Vec<u16>; KIND_COUNT],
+    traffic: Traffic,
+    wakes: BinaryHeap<Wake>,
+    now: i64,
+    silence: i64,
+    has_time: bool,
+}
+
+impl Engine {
+    /// An engine that has seen nothing.
+    pub fn new(setup: Arc<Setup>) -> Self {
+        let explaining = KindSet::by_name(|name| causes().explaining().iter().any(|by| by == name));
+        Self {
+            ledger: Ledger::new(Arc::clone(&setup)),
+            setup,
+            buses: Vec::new(),
+            quality: Quality::default(),
+            held: Vec::new(),
+            explaining,
+            events: 0,
+        }
+    }
+
+    /// Takes each frame before its events: its stamp tells how far times can be trusted.
+    #[inline]
+    pub fn frame(&mut self, frame: &Frame) {
+        self.quality.frame(frame);
+    }
+
+    /// Judges an event. News of findings go to `out` as events of their own.
+    #[inline]
+    pub fn event(&mut self, event: &Event, bus: &Bus, out: &mut dyn Observer) {
+        let index = usize::from(bus.index().0);
+        while self.buses.len() <= index {
+            self.buses.push(BusJudge::new(bus, &self.setup, &self.ledger));
+        }
+        self.events += 1;
+        if let Some(judge) = self.buses.get_mut(index) {
+            judge.event(event, bus, &mut self.ledger);
+            if self.explaining.contains(&event.kind) {
+                self.ledger.saw(event.kind.name(), bus.index(), judge.now);
+            }
+        }
+        self.quality.event(event);
+        if !self.ledger.news.is_empty() || !self.held.is_empty() {
+            self.tell(bus, self.quality.has_varied(), out);
+        }
+    }
+
+    /// Lets time pass on a live bus that is quiet.
+    pub fn advance(&mut self, bus: &Bus, out: &mut dyn Observer) {
+        if let Some(judge) = self.buses.get_mut(usize::from(bus.index().0)) {
+            judge.pass_time(bus.now(), bus, &mut self.ledger);
+        }
+        self.tell(bus, true, out);
+    }
+
+    /// The capture ended: closes what is open, and gives everything that was judged.
+    pub fn finish(mut self, buses: &[Bus], out: &mut dyn Observer) -> Findings {
+        for (judge, bus) in self.buses.iter_mut().zip(buses) {
+            judge.finish(bus, &mut self.ledger);
+            self.ledger.close_all(bus);
+        }
+        let made_up = self.quality.made_up_interval();
+        let is_timed = made_up.is_none() && self.quality.first.is_some();
+        for bus in buses {
+            self.tell(bus, is_timed, out);
+        }
+        let notes = notes(&self.quality);
+        self.ledger.into_findings(is_timed, notes, self.events)
+    }
+
+    /// Writes what is new; findings about times wait until times are known to be real.
+    #[cold]
+    fn tell(&mut self, bus: &Bus, is_timed: bool, out: &mut dyn Observer) {
+        let mut news = std::mem::take(&mut self.held);
+        news.append(&mut self.ledger.news);
+        for one in news {
+            let Some((group, said)) = self.ledger.tell(one) else { continue };
+            let rule = self.ledger.rules.get(usize::from(group.key.rule));
+            let waits = rule.is_some_and(|rule| rule.is_timing) && !is_timed;
+            if waits || group.key.bus != bus.index() {
+                self.held.push(one);
+                continue;
+            }
+            let is_repeated = said.count > 1;
+            let kind = match one.what {
+                What::Opened => EventKind::FindingOpened(Box::new(said)),
+                What::Closed => EventKind::FindingClosed(Box::new(said)),
+            };
+            let event = Event {
+                time: one.at.time,
+                bus: group.key.bus,
+                frames: one.at.frames,
+                protocol: Protocol::Can,
+                node: group.key.node,
+                presumed: false,
+                routine: matches!(kind, EventKind::FindingClosed(_)) && !is_repeated,
+                kind,
+            };
+            out.event(&event, bus);
+        }
+    }
+}
+
+/// What limits the verdicts.
+fn notes(quality: &Quality) -> Vec<String> {
+    let mut notes = Vec::new();
+    if quality.first.is_none() {
+        notes.push("the capture has no times: rules about times are not exercised".to_owned());
+    }
+    if let Some(interval) = quality.made_up_interval() {
+        let milliseconds = interval / 1_000_000;
+        notes.push(format!(
+            "the stamps are made up, one each {milliseconds} ms: rules about times are not exercised"
+        ));
+    }
+    if quality.lost > 0 {
+        notes.push(format!("the recorder lost {} frames", quality.lost));
+    }
+    if quality.unreadable > 0 {
+        notes.push(format!("{} lines or records could not be read", quality.unreadable));
+    }
+    let (steps, largest) = quality.clock_steps;
+    if steps > 0 {
+        let milliseconds = largest.saturating_neg() / 1_000_000;
+        notes.push(format!("stamps went back {steps} times, by {milliseconds} ms at most"));
+    }
+    if quality.error_frames > 0 {
+        notes.push(format!("{} error frames", quality.error_frames));
+    }
+    notes
+}
+
+impl BusJudge {
+    fn new(bus: &Bus, setup: &Setup, ledger: &Ledger) -> Self {
+        let mut judge = Self {
+            name: bus.name().into(),
+            rules: Vec::new(),
+            by_kind: std::array::from_fn(|_| Vec::new()),
+            traffic: Traffic::default(),
+            wakes: BinaryHeap::new(),
+            now: i64::MIN,
+            silence: 0,
+            has_time: false,
+        };
+        for (place, entry) in REGISTRY.iter().enumerate() {
+            let is_on = ledger.rules.get(place).is_some_and(|rule| rule.is_on);
+            if let (true, Ok(rule)) = (is_on, u16::try_from(place)) {
+                let kinds = KindSet::by_name(|name| entry.declaration.kinds.contains(&name));
+                judge.add(rule, kinds, (entry.make)(setup));
+            }
+        }
+        judge
+    }
+
+    fn add(&mut self, rule: u16, kinds: KindSet, made: Box<dyn Rule>) {
+        let Ok(place) = u16::try_from(self.rules.len()) else { return };
+        self.rules.push((rule, made));
+        for kind in kinds.places() {
+            if let Some(list) = self.by_kind.get_mut(kind) {
+                list.push(place);
+            }
+        }
+    }
+
+    #[inline]
+    fn event(&mut self, event: &Event, bus: &Bus, ledger: &mut Ledger) {
+        if let Some(stamp) = event.time {
+            if let EventKind::BusSilent { gap } = event.kind {
+                self.silence = self.silence.saturating_add(gap);
+            }
+            self.has_time = true;
+            self.pass_time(bus.monotonic(stamp), bus, ledger);
+        }
+        match &event.kind {
+            EventKind::Pdo(pdo) => self.traffic.saw_pdo(pdo, self.now, event.frames.last),
+            EventKind::Sync { .. } => self.traffic.saw_sync(),
+            _ => {}
+        }
+        let Some(list) = self.by_kind.get(KindSet::place(&event.kind)) else { return };
+        for place in list {
+            let Some((rule, made)) = self.rules.get_mut(usize::from(*place)) else { continue };
+            let mut context = Context {
+                bus,
+                now: self.now,
+                has_time: self.has_time,
+                traffic: &self.traffic,
+                silence: self.silence,
+                bus_name: &self.name,
+                rule: *rule,
+                place: *place,
+                ledger,
+                wakes: &mut self.wakes,
+            };
+            made.event(event, &mut context);
+        }
+    }
+
+    /// Time goes on to a monotonic time: wakes whoever asked for one before it.
+    #[inline]
+    fn pass_time(&mut self, monotonic: i64, bus: &Bus, ledger: &mut Ledger) {
+        let now = monotonic.saturating_sub(self.silence).max(self.now);
+        while let Some(Reverse((due, place, token))) = self.wakes.peek().copied()
+            && due < now
+        {
+            self.wakes.pop();
+            self.wake((due, place, token), bus, ledger);
+        }
+        self.now = now;
+    }
+
+    #[cold]
+    fn wake(&mut self, (due, place, token): (i64, u16, u64), bus: &Bus, ledger: &mut Ledger) {
+        self.now = self.now.max(due);
+        if place == LEDGER {
+            let at = occurrence(bus.stamp_of(due.saturating_add(self.silence)), last_frame(bus));
+            let again = usize::try_from(token).ok().and_then(|group| ledger.quiet(group, due, at));
+            self.wakes.extend(again.map(|time| Reverse((time, LEDGER, token))));
+            return;
+        }
+        let Some((rule, made)) = self.rules.get_mut(usize::from(place)) else { return };
+        let mut context = Context {
+            bus,
+            now: self.now,
+            has_time: self.has_time,
+            traffic: &self.traffic,
+            silence: self.silence,
+            bus_name: &self.name,
+            rule: *rule,
+            place,
+            ledger,
+            wakes: &mut self.wakes,
+        };
+        made.wake(token, &mut context);
+    }
+
+    fn finish(&mut self, bus: &Bus, ledger: &mut Ledger) {
+        for (place, (rule, made)) in self.rules.iter_mut().enumerate() {
+            let mut context = Context {
+                bus,
+                now: self.now,
+                has_time: self.has_time,
+                traffic: &self.traffic,
+                silence: self.silence,
+                bus_name: &self.name,
+                rule: *rule,
+                place: u16::try_from(place).unwrap_or(LEDGER),
+                ledger,
+                wakes: &mut self.wakes,
+            };
+            made.finish(&mut context);
+        }
+    }
+}
+
+/// Judges events on their way to an observer; news of findings come right behind what shows them.
+pub struct Judge<'a> {
+    /// The engine.
+    pub engine: &'a mut Engine,
+    /// Where events and news go.
+    pub out: &'a mut dyn Observer,
+}
+
+impl Observer for Judge<'_> {
+    #[inline]
+    fn event(&mut self, event: &Event, bus: &Bus) {
+        self.out.event(event, bus);
+        self.engine.event(event, bus, self.out);
+    }
+}
+
+/// Frames of a time that passed: the last one heard.
+fn last_frame(bus: &Bus) -> FrameRange {
+    FrameRange::one(bus.last_frame())
+}

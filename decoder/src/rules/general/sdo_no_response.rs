@@ -1,0 +1,82 @@
+//! An SDO server does not answer, or takes long.
+
+use crate::event::{Event, EventKind, Mode, Outcome, SdoTransfer};
+use crate::finding::{About, Severity};
+use crate::rules::declaration::{declare_rule, tolerance};
+use crate::rules::{Context, Rule, Setup};
+
+declare_rule! {
+    /// # What it checks
+    /// An SDO request has no response within the time the recording allows for, or the server takes long to answer
+    /// an expedited transfer. Storing and restoring parameters (1010, 1011) may take longer.
+    ///
+    /// # Why it matters
+    /// The configuration of the node is not what the master believes, and a master that waits is a machine that waits.
+    ///
+    /// # Source
+    /// CiA 301 §7.2.4 (SDO); it names no time, masters commonly give up after a second.
+    ///
+    /// # What to look at first
+    /// Whether the node is on the bus at all (heartbeat, boot-up), in state stopped, or without that SDO server.
+    ///
+    /// # Mutation
+    /// drop the SDO responses of a node
+    "sdo-no-response", Error, "an SDO request has no answer in time",
+    kinds: ["sdo-transfer"],
+    is_timing: true,
+    word: "SDO",
+    tolerances: &[
+        tolerance("warning-ms", 200.0, "ms", "to the answer, a warning"),
+        tolerance("error-ms", 1_000.0, "ms", "to the answer, an error"),
+        tolerance("store-ms", 5_000.0, "ms", "to the answer of 1010 and 1011"),
+    ],
+}
+
+pub(super) struct SdoNoResponse {
+    warning: i64,
+    error: i64,
+    store: i64,
+}
+
+pub(super) fn new(setup: &Setup) -> SdoNoResponse {
+    let time = |key| setup.nanoseconds(&DECLARATION, key);
+    SdoNoResponse { warning: time("warning-ms"), error: time("error-ms"), store: time("store-ms") }
+}
+
+impl SdoNoResponse {
+    fn slow(&self, event: &Event, transfer: &SdoTransfer, context: &mut Context<'_>) {
+        let is_store = transfer.object.is_some_and(|object| matches!(object.index, 0x1010 | 0x1011));
+        let (warning, error) = if is_store { (self.store, self.store) } else { (self.warning, self.error) };
+        let is_single = transfer.mode == Some(Mode::Expedited) || transfer.outcome == Outcome::Aborted;
+        let Some(duration) = transfer.duration.filter(|_| is_single && !transfer.cut_start) else { return };
+        if duration <= warning {
+            return context.pass();
+        }
+        let severity = if duration > error { Severity::Error } else { Severity::Warning };
+        let milliseconds = duration / 1_000_000;
+        let alarm = context.fail(event).about(about(transfer)).severity(severity);
+        #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
+        let alarm = alarm.measure(duration as f64);
+        alarm.say(|| format!("answered after {milliseconds} ms"));
+    }
+}
+
+impl Rule for SdoNoResponse {
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        let EventKind::SdoTransfer(transfer) = &event.kind else { return };
+        match transfer.outcome {
+            Outcome::Timeout => {
+                let of =
+                    transfer.object.map_or_else(String::new, |object| format!(" to the request of {object}"));
+                let alarm = context.fail(event).about(about(transfer)).measure(f64::MAX);
+                alarm.say(|| format!("no answer{of}"));
+            }
+            Outcome::Complete | Outcome::Aborted => self.slow(event, transfer, context),
+            Outcome::Superseded | Outcome::Incomplete | Outcome::Unfinished => {}
+        }
+    }
+}
+
+fn about(transfer: &SdoTransfer) -> About {
+    transfer.object.map_or(About::Whole, About::Object)
+}

@@ -1,0 +1,444 @@
+//! Where findings are kept while a capture is judged: groups, tallies, what explains what.
+
+use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::sync::Arc;
+
+use foldhash::fast::FixedState;
+
+use super::causes::{Effect, Explained, causes};
+use super::setup::Setup;
+use crate::event::{FindingNews, FrameRange};
+use crate::finding::{
+    About, Cause, Findings, GROUP_LIMIT, Group, KEPT_OCCURRENCES, Key, Occurrence, RuleInfo, Severity, Tally,
+};
+use crate::frame::{BusIndex, Timestamp};
+use crate::session::Bus;
+use crate::wire::NodeId;
+
+/// A finding that does not come again for so long is closed, in nanoseconds.
+pub(super) const QUIET: i64 = 5_000_000_000;
+
+/// What a rule says of something that is wrong.
+pub(super) struct Claim {
+    pub(super) key: Key,
+    pub(super) severity: Option<Severity>,
+    pub(super) measure: Option<f64>,
+    pub(super) is_ongoing: bool,
+    pub(super) is_presumed: bool,
+    pub(super) now: i64,
+    pub(super) at: Occurrence,
+}
+
+/// What is known of a group beside what output needs.
+#[derive(Debug, Clone, Default)]
+struct Course {
+    /// Time of its last occurrence.
+    last: i64,
+    /// It goes on until its rule closes it.
+    is_ongoing: bool,
+    /// Occurrences since it opened.
+    since_open: u64,
+    /// Measure of the worst.
+    worst: f64,
+    /// What is said of it now.
+    said: String,
+}
+
+/// A group opened or closed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct News {
+    /// Place of the group.
+    group: usize,
+    pub(super) what: What,
+    /// When, and which frames show it.
+    pub(super) at: Occurrence,
+}
+
+/// What a group did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum What {
+    Opened,
+    Closed,
+}
+
+/// A rule at a node of a bus, or anywhere on it.
+type Place = (u16, BusIndex, Option<NodeId>);
+
+/// Groups, tallies, news.
+#[derive(Debug)]
+pub(super) struct Ledger {
+    pub(super) setup: Arc<Setup>,
+    pub(super) rules: Vec<RuleInfo>,
+    tallies: Vec<Tally>,
+    cases: BTreeMap<Arc<str>, Tally>,
+    groups: Vec<Group>,
+    courses: Vec<Course>,
+    by_key: HashMap<Key, usize, FixedState>,
+    /// The last group of a rule on a bus (and at a node), and when it was seen last.
+    latest: HashMap<Place, (usize, i64), FixedState>,
+    /// When a kind of event was seen last on a bus.
+    kinds: HashMap<(&'static str, BusIndex), i64, FixedState>,
+    ungrouped: u64,
+    pub(super) news: Vec<News>,
+}
+
+impl Ledger {
+    pub(super) fn new(setup: Arc<Setup>) -> Self {
+        let rules = setup.rules().to_vec();
+        Self {
+            tallies: vec![Tally::default(); rules.len()],
+            rules,
+            setup,
+            cases: BTreeMap::new(),
+            groups: Vec::new(),
+            courses: Vec::new(),
+            by_key: HashMap::default(),
+            latest: HashMap::default(),
+            kinds: HashMap::default(),
+            ungrouped: 0,
+            news: Vec::new(),
+        }
+    }
+
+    #[inline]
+    pub(super) fn pass(&mut self, rule: u16) {
+        if let Some(tally) = self.tallies.get_mut(usize::from(rule)) {
+            tally.passed += 1;
+        }
+    }
+
+    pub(super) fn judge_case(&mut self, case: &'static str, failed: bool) {
+        let tally = self.cases.entry(case.into()).or_default();
+        if failed { tally.failed += 1 } else { tally.passed += 1 }
+    }
+
+    pub(super) fn waive(&mut self, rule: u16) {
+        if let Some(tally) = self.tallies.get_mut(usize::from(rule)) {
+            tally.waived += 1;
+        }
+    }
+
+    /// Notes that a kind of event that may explain findings was seen.
+    pub(super) fn saw(&mut self, kind: &'static str, bus: BusIndex, now: i64) {
+        self.kinds.insert((kind, bus), now);
+    }
+
+    /// Takes note of something wrong; says whether its group is one that has to be watched for quiet.
+    pub(super) fn fail(
+        &mut self,
+        claim: &Claim,
+        names: (&Arc<str>, Option<&str>),
+        text: impl FnOnce() -> String,
+    ) -> Option<usize> {
+        if let Some(tally) = self.tallies.get_mut(usize::from(claim.key.rule)) {
+            tally.failed += 1;
+        }
+        let known = self.by_key.get(&claim.key).copied();
+        let place = match known {
+            Some(place) => place,
+            None if self.groups.len() < GROUP_LIMIT => self.add_group(claim, names),
+            None => {
+                self.ungrouped += 1;
+                return None;
+            }
+        };
+        let node = claim.key.node;
+        let seen = (place, claim.now);
+        self.latest.insert((claim.key.rule, claim.key.bus, node), seen);
+        self.latest.insert((claim.key.rule, claim.key.bus, None), seen);
+        let opens = self.groups.get(place).is_some_and(|group| !group.is_open);
+        let severity = self.severity(claim, opens);
+        let rises = self.groups.get(place).is_some_and(|group| severity.0 > group.severity);
+        self.note(place, claim, opens || rises, text);
+        self.open(place, claim, severity, opens, rises)
+    }
+
+    fn add_group(&mut self, claim: &Claim, (bus, node_name): (&Arc<str>, Option<&str>)) -> usize {
+        let place = self.groups.len();
+        let rule = self.rules.get(usize::from(claim.key.rule));
+        let mut group = Group {
+            id: place as u64 + 1,
+            key: claim.key.clone(),
+            rule: rule.map_or_else(|| "".into(), |rule| Arc::clone(&rule.name)),
+            bus: Arc::clone(bus),
+            node_name: node_name.map(Arc::from),
+            severity: Severity::Note,
+            text: String::new(),
+            worst: None,
+            count: 0,
+            first: Vec::new(),
+            last: VecDeque::new(),
+            cause: None,
+            is_absorbed: false,
+            downgraded: None,
+            suppressed: None,
+            is_open: false,
+        };
+        group.suppressed = self.setup.suppression(&group);
+        self.groups.push(group);
+        self.courses.push(Course { worst: f64::NEG_INFINITY, ..Course::default() });
+        self.by_key.insert(claim.key.clone(), place);
+        place
+    }
+
+    /// Counts an occurrence.
+    fn note(&mut self, place: usize, claim: &Claim, is_said: bool, text: impl FnOnce() -> String) {
+        let (Some(group), Some(course)) = (self.groups.get_mut(place), self.courses.get_mut(place)) else {
+            return;
+        };
+        group.count += 1;
+        course.last = claim.now;
+        course.since_open += 1;
+        let is_worse = claim.measure.is_some_and(|measure| measure > course.worst);
+        if is_said || is_worse {
+            course.said = text();
+        }
+        if group.count == 1 {
+            group.text.clone_from(&course.said);
+        } else if is_worse && let Some(measure) = claim.measure {
+            group.worst = Some((measure, course.said.clone(), claim.at));
+        }
+        if is_worse && let Some(measure) = claim.measure {
+            course.worst = measure;
+        }
+        if group.first.len() < KEPT_OCCURRENCES {
+            group.first.push(claim.at);
+        } else {
+            if group.last.len() == KEPT_OCCURRENCES {
+                group.last.pop_front();
+            }
+            group.last.push_back(claim.at);
+        }
+    }
+
+    /// How bad it is after what explains it, why less than its rule says, and what explains it.
+    fn severity(&self, claim: &Claim, opens: bool) -> (Severity, Option<String>, Option<Explained>) {
+        let Some(rule) = self.rules.get(usize::from(claim.key.rule)) else {
+            return (Severity::Note, None, None);
+        };
+        let configured = self.setup.severity(&rule.name);
+        let mut severity = configured.unwrap_or(claim.severity.unwrap_or(rule.severity));
+        let mut reason = None;
+        let explained = opens.then(|| self.explanation(&rule.name, claim)).flatten();
+        if let Some(Explained { effect: Effect::Quality, by: Cause::Quality(text) }) = &explained {
+            severity = Severity::Note;
+            reason = Some(format!("{text} may explain it"));
+        }
+        if claim.is_presumed {
+            severity = severity.lowered();
+            reason.get_or_insert_with(|| "the protocol is presumed only".to_owned());
+        }
+        (severity, reason, explained)
+    }
+
+    /// Opens a group that is not open, or tells it again where it got worse; gives it if its quiet has to be
+    /// waited for.
+    fn open(
+        &mut self,
+        place: usize,
+        claim: &Claim,
+        (severity, reason, explained): (Severity, Option<String>, Option<Explained>),
+        opens: bool,
+        rises: bool,
+    ) -> Option<usize> {
+        let (group, course) = (self.groups.get_mut(place)?, self.courses.get_mut(place)?);
+        if let Some(Explained { effect, by }) = explained {
+            group.is_absorbed |= effect == Effect::Same;
+            if group.cause.is_none() && by != Cause::Group(group.id) {
+                group.cause = Some(by);
+            }
+        }
+        if rises || group.count == 1 {
+            group.text.clone_from(&course.said);
+            group.severity = severity;
+            group.downgraded = reason;
+        }
+        let was_ongoing = std::mem::replace(&mut course.is_ongoing, claim.is_ongoing);
+        if opens || rises {
+            self.news.push(News { group: place, what: What::Opened, at: claim.at });
+        }
+        if !opens {
+            // Nobody waits for the quiet of what went on.
+            return (was_ongoing && !claim.is_ongoing).then_some(place);
+        }
+        group.is_open = true;
+        course.since_open = 1;
+        (!claim.is_ongoing).then_some(place)
+    }
+
+    /// What explains a finding of this rule.
+    fn explanation(&self, rule: &str, claim: &Claim) -> Option<Explained> {
+        for cause in causes().of(rule) {
+            let from = claim.now.saturating_sub(cause.within);
+            if let Some(seen) = self.kinds.get(&(cause.by.as_str(), claim.key.bus))
+                && *seen >= from
+            {
+                return Some(Explained { effect: cause.effect, by: Cause::Quality(Arc::clone(&cause.text)) });
+            }
+            let by = self.rules.iter().position(|known| *known.name == *cause.by);
+            let Some(by) = by.and_then(|by| u16::try_from(by).ok()) else { continue };
+            let node = if cause.is_on_node { claim.key.node } else { None };
+            if let Some((place, seen)) = self.latest.get(&(by, claim.key.bus, node))
+                && *seen >= from
+                && let Some(group) = self.groups.get(*place)
+            {
+                return Some(Explained { effect: cause.effect, by: Cause::Group(group.id) });
+            }
+        }
+        None
+    }
+
+    /// A group's time of quiet may be over: when to look again, if it is not.
+    pub(super) fn quiet(&mut self, place: usize, now: i64, at: Occurrence) -> Option<i64> {
+        let course = self.courses.get(place)?;
+        let over = course.last.saturating_add(QUIET);
+        if course.is_ongoing {
+            return None;
+        }
+        if over > now {
+            return Some(over);
+        }
+        self.close(place, at);
+        None
+    }
+
+    /// Closes a group that its rule says is over.
+    pub(super) fn close_key(&mut self, key: &Key, at: Occurrence) {
+        if let Some(place) = self.by_key.get(key).copied() {
+            self.close(place, at);
+        }
+    }
+
+    fn close(&mut self, place: usize, at: Occurrence) {
+        if let Some(group) = self.groups.get_mut(place)
+            && std::mem::replace(&mut group.is_open, false)
+        {
+            self.news.push(News { group: place, what: What::Closed, at });
+        }
+    }
+
+    /// Closes all that is open.
+    pub(super) fn close_all(&mut self, bus: &Bus) {
+        let at = occurrence(bus.stamp_of(bus.now()), FrameRange::one(bus.last_frame()));
+        for place in 0..self.groups.len() {
+            if self.groups.get(place).is_some_and(|group| group.key.bus == bus.index()) {
+                self.close(place, at);
+            }
+        }
+    }
+
+    /// What a sink writes of news: which group it is, and what it says. Nothing of those that need not be told.
+    pub(super) fn tell(&self, news: News) -> Option<(&Group, FindingNews)> {
+        let (group, course) = (self.groups.get(news.group)?, self.courses.get(news.group)?);
+        if !group.counts() {
+            return None;
+        }
+        let rule = self.rules.get(usize::from(group.key.rule))?;
+        let (mut object, mut pgn, mut about) = (None, None, None);
+        match &group.key.about {
+            About::Whole => {}
+            About::Object(address) => object = Some(*address),
+            About::Pgn(number) => pgn = Some(*number),
+            other => about = Some(other.to_string()),
+        }
+        let text = match (&group.worst, news.what) {
+            (Some((_, text, _)), What::Closed) => text.clone(),
+            _ => course.said.clone(),
+        };
+        let cause = match group.cause {
+            Some(Cause::Group(id)) => Some(id),
+            _ => None,
+        };
+        let news = FindingNews {
+            id: group.id,
+            rule: Arc::clone(&rule.name),
+            severity: group.severity,
+            word: rule.word,
+            text,
+            object,
+            pgn,
+            about,
+            cause,
+            downgraded: group.downgraded.clone(),
+            count: course.since_open,
+            source: rule.source.clone(),
+        };
+        Some((group, news))
+    }
+
+    /// Everything judged; of rules that judge times nothing where `is_timed` says so.
+    pub(super) fn into_findings(mut self, is_timed: bool, quality: Vec<String>, events: u64) -> Findings {
+        self.link_late_causes();
+        if !is_timed {
+            let judges_time =
+                |rule: u16| self.rules.get(usize::from(rule)).is_some_and(|rule| rule.is_timing);
+            self.groups.retain(|group| !judges_time(group.key.rule));
+            for (tally, rule) in self.tallies.iter_mut().zip(&self.rules) {
+                if rule.is_timing {
+                    *tally = Tally::default();
+                    for case in &rule.cases {
+                        self.cases.remove(case);
+                    }
+                }
+            }
+        }
+        let mut cases = std::mem::take(&mut self.cases);
+        for (rule, tally) in self.rules.iter().zip(&self.tallies).filter(|(rule, _)| !rule.tells_cases) {
+            for case in &rule.cases {
+                cases.entry(Arc::clone(case)).or_default().add(*tally);
+            }
+        }
+        let suppressions = self.setup.unused(&self.groups);
+        Findings {
+            rules: self.rules,
+            tallies: self.tallies,
+            cases,
+            groups: self.groups,
+            ungrouped: self.ungrouped,
+            quality,
+            suppressions,
+            events,
+        }
+    }
+
+    /// Effects may be seen before their cause: those are found at the end, by their first occurrences.
+    fn link_late_causes(&mut self) {
+        let mut links = Vec::new();
+        for (place, group) in self.groups.iter().enumerate().filter(|(_, group)| group.cause.is_none()) {
+            for cause in causes().of(&group.rule).filter(|cause| cause.effect != Effect::Quality) {
+                let found = self.latest_of(&cause.by, group, cause.is_on_node).filter(|by| {
+                    by.id != group.id && near(group.began().time, by.began().time, cause.within)
+                });
+                if let Some(by) = found {
+                    links.push((place, by.id, cause.effect));
+                    break;
+                }
+            }
+        }
+        for (place, by, effect) in links {
+            if let Some(group) = self.groups.get_mut(place) {
+                group.cause = Some(Cause::Group(by));
+                group.is_absorbed |= effect == Effect::Same;
+            }
+        }
+    }
+
+    fn latest_of(&self, rule: &str, effect: &Group, is_on_node: bool) -> Option<&Group> {
+        let place = self.rules.iter().position(|known| *known.name == *rule)?;
+        let node = if is_on_node { effect.key.node } else { None };
+        let (place, _) = self.latest.get(&(u16::try_from(place).ok()?, effect.key.bus, node))?;
+        self.groups.get(*place)
+    }
+}
+
+fn near(one: Option<Timestamp>, other: Option<Timestamp>, within: i64) -> bool {
+    match (one, other) {
+        (Some(one), Some(other)) => one.since(other).unsigned_abs() <= within.unsigned_abs(),
+        _ => false,
+    }
+}
+
+/// An occurrence of a deadline.
+pub(super) fn occurrence(time: Option<Timestamp>, frames: FrameRange) -> Occurrence {
+    Occurrence { time, frames }
+}

@@ -1,0 +1,54 @@
+//! Rules: what is wrong, judged from events.
+//!
+//! ```text
+//! Event ─Engine::event─▶ rules of its kind ─Context::fail─▶ Ledger: groups, causes ─▶ news (events), Findings
+//! ```
+//!
+//! A rule is one file of `general/` and one line of [`REGISTRY`]: its doc comment is its documentation, its
+//! fixture `fixtures/rules/<name>.log` its proof. It sees the events of one bus, asks to be woken at deadlines,
+//! and keeps what it must remember; a rule never parses bytes.
+
+mod causes;
+mod context;
+mod declaration;
+mod engine;
+mod general;
+mod ledger;
+mod nodes;
+mod setup;
+mod traffic;
+
+pub use context::{Alarm, Context};
+pub use declaration::{Declaration, HEADINGS, Tolerance, section};
+pub use engine::{Engine, Judge};
+pub use general::REGISTRY;
+pub use nodes::{NodeMap, NodeSet};
+pub use setup::Setup;
+pub use traffic::{PdoSlot, Traffic};
+
+use crate::event::Event;
+
+/// Judges the events of one bus.
+pub trait Rule {
+    /// An event of one of the kinds it declared.
+    fn event(&mut self, event: &Event, context: &mut Context<'_>);
+
+    /// A time it asked for has passed.
+    fn wake(&mut self, _token: u64, _context: &mut Context<'_>) {}
+
+    /// Nothing more comes.
+    fn finish(&mut self, _context: &mut Context<'_>) {}
+}
+
+/// One line of [`REGISTRY`].
+pub struct Entry {
+    /// What the rule says of itself.
+    pub declaration: &'static Declaration,
+    /// Makes one that has seen nothing.
+    pub make: fn(&Setup) -> Box<dyn Rule>,
+}
+
+/// What all general rules say of themselves, in the order they are asked.
+pub fn declarations() -> impl Iterator<Item = &'static Declaration> {
+    REGISTRY.iter().map(|entry| entry.declaration)
+}

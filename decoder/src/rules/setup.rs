@@ -1,0 +1,200 @@
+//! What is judged and how strictly: the rules there are, with what the bus file says of them.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use super::declaration::Declaration;
+use super::declarations;
+use crate::bus_file::{BusFile, RuleSettings, Suppression};
+use crate::finding::{Group, RuleInfo, Severity};
+use crate::profile::TextError;
+
+/// Rules, tolerances, suppressions.
+#[derive(Debug, Clone)]
+pub struct Setup {
+    rules: Vec<RuleInfo>,
+    severities: HashMap<String, Severity>,
+    tolerances: HashMap<(&'static str, &'static str), f64>,
+    suppressions: Vec<Suppression>,
+    today: Option<String>,
+}
+
+impl Default for Setup {
+    fn default() -> Self {
+        Self {
+            rules: declarations().map(Declaration::info).collect(),
+            severities: HashMap::new(),
+            tolerances: HashMap::new(),
+            suppressions: Vec::new(),
+            today: None,
+        }
+    }
+}
+
+impl Setup {
+    /// The rules with what `file`, read from `text`, says of them. `today` as `2026-01-31` ends suppressions
+    /// that ran out.
+    ///
+    /// # Errors
+    /// Rules and tolerances that do not exist, values that are none; with the place in `text`.
+    pub fn new(file: &BusFile, text: &str, today: Option<String>) -> Result<Self, TextError> {
+        let mut setup = Self { suppressions: file.judgement.suppressions.clone(), today, ..Self::default() };
+        for settings in &file.judgement.rules {
+            setup.take(settings, text)?;
+        }
+        for suppression in &setup.suppressions {
+            let known = setup.knows(&suppression.rule);
+            if !known {
+                let message = setup.unknown(&suppression.rule);
+                return Err(TextError::at(text, suppression.span.clone(), message));
+            }
+        }
+        Ok(setup)
+    }
+
+    /// A name with a colon is a device's rule, which is known once the device is.
+    fn knows(&self, rule: &str) -> bool {
+        rule.contains(':') || self.rules.iter().any(|known| *known.name == *rule)
+    }
+
+    fn unknown(&self, rule: &str) -> String {
+        let near = self.rules.iter().map(|known| &*known.name).find(|known| is_near(known, rule));
+        match near {
+            Some(near) => format!("there is no rule '{rule}'; did you mean '{near}'?"),
+            None => format!("there is no rule '{rule}': cobscope rules lists all"),
+        }
+    }
+
+    fn take(&mut self, settings: &RuleSettings, text: &str) -> Result<(), TextError> {
+        let wrong =
+            |span: &std::ops::Range<usize>, message: String| TextError::at(text, span.clone(), message);
+        let name = settings.rule.as_str();
+        if !self.knows(name) {
+            return Err(wrong(&settings.span, self.unknown(name)));
+        }
+        if let Some(severity) = settings.severity {
+            if let Some(rule) = self.rules.iter_mut().find(|rule| *rule.name == *name) {
+                rule.is_on = severity.is_some();
+                rule.severity = severity.unwrap_or(rule.severity);
+            }
+            self.severities.extend(severity.map(|severity| (name.to_owned(), severity)));
+        }
+        let declaration = declarations().find(|declaration| declaration.name == name);
+        for (key, span, value) in &settings.tolerances {
+            let tolerances = declaration.map_or(&[][..], |declaration| declaration.tolerances);
+            let known = tolerances.iter().find(|tolerance| tolerance.key == key).zip(declaration);
+            let Some((tolerance, declaration)) = known else {
+                let keys: Vec<_> = tolerances.iter().map(|tolerance| tolerance.key).collect();
+                let has = if keys.is_empty() { "no tolerance".to_owned() } else { keys.join(", ") };
+                return Err(wrong(span, format!("{name} has severity and {has}, not '{key}'")));
+            };
+            self.tolerances.insert((declaration.name, tolerance.key), *value);
+        }
+        Ok(())
+    }
+
+    /// All rules.
+    pub fn rules(&self) -> &[RuleInfo] {
+        &self.rules
+    }
+
+    /// A tolerance of a rule: what the bus file says, else its default.
+    pub fn tolerance(&self, declaration: &Declaration, key: &'static str) -> f64 {
+        let given = self.tolerances.get(&(declaration.name, key)).copied();
+        let default = declaration.tolerances.iter().find(|tolerance| tolerance.key == key);
+        given.or(default.map(|tolerance| tolerance.default)).unwrap_or(f64::INFINITY)
+    }
+
+    /// A tolerance in milliseconds, as nanoseconds.
+    pub fn nanoseconds(&self, declaration: &Declaration, key: &'static str) -> i64 {
+        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+        let value = (self.tolerance(declaration, key) * 1e6) as i64;
+        value
+    }
+
+    /// The severity the bus file gives a rule.
+    pub(super) fn severity(&self, rule: &str) -> Option<Severity> {
+        self.severities.get(rule).copied()
+    }
+
+    /// Why a group does not count.
+    pub(super) fn suppression(&self, group: &Group) -> Option<Arc<str>> {
+        let mut all = self.suppressions.iter().filter(|one| !self.is_over(one));
+        all.find(|one| covers(one, group)).map(|one| Arc::clone(&one.reason))
+    }
+
+    fn is_over(&self, suppression: &Suppression) -> bool {
+        // Dates as 2026-01-31 sort as text.
+        matches!((&suppression.until, &self.today), (Some(until), Some(today)) if until < today)
+    }
+
+    /// What is to be said of suppressions that met nothing, or ran out.
+    pub(super) fn unused(&self, groups: &[Group]) -> Vec<String> {
+        let mut said = Vec::new();
+        for one in &self.suppressions {
+            let what = &one.rule;
+            if self.is_over(one) {
+                let until = one.until.as_deref().unwrap_or_default();
+                said.push(format!("suppression of {what} ran out on {until}: {}", one.reason));
+            } else if !groups.iter().any(|group| covers(one, group)) {
+                said.push(format!("suppression of {what} met nothing: {}", one.reason));
+            }
+        }
+        said
+    }
+}
+
+fn covers(suppression: &Suppression, group: &Group) -> bool {
+    *suppression.rule == *group.rule
+        && suppression.bus.as_deref().is_none_or(|bus| *bus == *group.bus)
+        && suppression.node.is_none_or(|node| group.key.node == Some(node))
+        && suppression.about.as_deref().is_none_or(|about| group.key.about.to_string() == about)
+}
+
+/// Whether two names differ by a letter or two, or one begins the other.
+fn is_near(known: &str, given: &str) -> bool {
+    if given.len() > 3 && (known.starts_with(given) || given.starts_with(known)) {
+        return true;
+    }
+    let mut row: Vec<usize> = (0..=given.len()).collect();
+    for (number, letter) in known.bytes().enumerate() {
+        let before = std::mem::take(&mut row);
+        let mut next = vec![number + 1];
+        for (place, other) in given.bytes().enumerate() {
+            let change = before.get(place).copied().unwrap_or(0) + usize::from(letter != other);
+            let delete = before.get(place + 1).copied().unwrap_or(0) + 1;
+            let insert = next.last().copied().unwrap_or(0) + 1;
+            next.push(change.min(delete).min(insert));
+        }
+        row = next;
+    }
+    row.last().is_some_and(|distance| *distance <= 2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn setup(text: &str) -> Result<Setup, String> {
+        let file = BusFile::parse(text).map_err(|error| error.to_string())?;
+        Setup::new(&file, text, Some("2026-06-01".into())).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn severities_and_tolerances_are_taken_by_name() {
+        let setup = setup("[rules.sdo-no-response]\nseverity = \"note\"\nwarning-ms = 300\n").unwrap();
+        let declaration = declarations().find(|rule| rule.name == "sdo-no-response").unwrap();
+        assert_eq!(setup.nanoseconds(declaration, "warning-ms"), 300_000_000);
+        assert_eq!(setup.severity("sdo-no-response"), Some(Severity::Note));
+    }
+
+    #[test]
+    fn what_does_not_exist_is_an_error_with_its_place() {
+        let error = setup("[rules.sdo-no-respons]\nseverity = \"note\"\n").unwrap_err();
+        assert!(error.starts_with("1:8: there is no rule 'sdo-no-respons'; did you mean 'sdo-no-response'?"));
+        let error = setup("[rules.sdo-no-response]\nwarn = 3\n").unwrap_err();
+        assert!(error.starts_with("2:1: sdo-no-response has severity and warning-ms"), "{error}");
+        let error = setup("[[suppress]]\nrule = \"nothing-like-it\"\nreason = \"x\"\n").unwrap_err();
+        assert!(error.starts_with("2:8: there is no rule 'nothing-like-it'"), "{error}");
+    }
+}

@@ -1,0 +1,126 @@
+//! What rules know of PDOs by identifier: updated once a PDO, looked at by every rule that judges it.
+
+use std::collections::HashMap;
+
+use foldhash::fast::FixedState;
+
+use crate::event::Pdo;
+use crate::frame::CanId;
+
+/// Intervals the median is taken of.
+const INTERVALS: usize = 15;
+
+/// Identifiers kept apart on a bus.
+const SLOT_LIMIT: usize = 4096;
+
+/// PDOs of one identifier.
+#[derive(Debug, Clone, Default)]
+pub struct PdoSlot {
+    /// Its place: small, and the same for the identifier throughout.
+    pub place: usize,
+    /// PDOs seen, requests apart.
+    pub count: u64,
+    /// Nanoseconds since the one before; `None` for the first.
+    pub interval: Option<i64>,
+    /// Time of this one in nanoseconds.
+    pub last: i64,
+    /// Frame of this one, and of the one before.
+    pub frames: (u64, u64),
+    /// How many came since the last SYNC, this one among them.
+    pub since_sync: u32,
+    /// Median interval, once fifteen were seen.
+    pub median: Option<i64>,
+    sync: u64,
+    intervals: [i64; INTERVALS],
+    filled: usize,
+}
+
+impl PdoSlot {
+    fn take(&mut self, now: i64, frame: u64, sync: u64) {
+        self.interval = (self.count > 0).then(|| now.saturating_sub(self.last));
+        self.count += 1;
+        self.last = now;
+        self.frames = (frame, self.frames.0);
+        self.since_sync = if self.sync == sync { self.since_sync.saturating_add(1) } else { 1 };
+        self.sync = sync;
+        let Some(interval) = self.interval else { return };
+        if let Some(place) = self.intervals.get_mut(self.filled) {
+            *place = interval;
+            self.filled += 1;
+        }
+        if self.filled == INTERVALS {
+            let mut sorted = self.intervals;
+            sorted.sort_unstable();
+            self.median = sorted.get(INTERVALS / 2).copied();
+            self.filled = 0;
+        }
+    }
+}
+
+/// All of them on one bus.
+#[derive(Debug, Clone, Default)]
+pub struct Traffic {
+    slots: Vec<PdoSlot>,
+    places: HashMap<CanId, usize, FixedState>,
+    /// SYNC messages seen.
+    syncs: u64,
+    /// Place of the PDO that is being judged.
+    current: Option<usize>,
+}
+
+impl Traffic {
+    pub(super) fn saw_sync(&mut self) {
+        self.syncs += 1;
+    }
+
+    /// Takes a PDO; requests are looked up only.
+    pub(super) fn saw_pdo(&mut self, pdo: &Pdo, now: i64, frame: u64) {
+        let next = self.slots.len();
+        let place = match self.places.get(&pdo.cob_id) {
+            Some(place) => *place,
+            None if next < SLOT_LIMIT => {
+                self.places.insert(pdo.cob_id, next);
+                self.slots.push(PdoSlot { place: next, ..PdoSlot::default() });
+                next
+            }
+            None => {
+                self.current = None;
+                return;
+            }
+        };
+        self.current = Some(place);
+        if let Some(slot) = self.slots.get_mut(place).filter(|_| !pdo.is_request) {
+            slot.take(now, frame, self.syncs);
+        }
+    }
+
+    /// The identifier of the PDO that is being judged.
+    pub fn current(&self) -> Option<&PdoSlot> {
+        self.slots.get(self.current?)
+    }
+
+    /// What is known of an identifier.
+    pub fn of(&self, id: CanId) -> Option<&PdoSlot> {
+        self.slots.get(*self.places.get(&id)?)
+    }
+
+    /// SYNC messages seen.
+    pub fn syncs(&self) -> u64 {
+        self.syncs
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn intervals_counts_and_the_median() {
+        let mut slot = PdoSlot::default();
+        for number in 0..16_u64 {
+            slot.take(i64::try_from(number).unwrap() * 10 + i64::from(number == 7), number, number / 4);
+        }
+        assert_eq!((slot.count, slot.median, slot.since_sync), (16, Some(10), 4));
+        assert_eq!((slot.interval, slot.frames), (Some(10), (15, 14)));
+    }
+}

@@ -1,0 +1,232 @@
+//! Rules on annotated captures: `fixtures/rules/<rule>.log` holds a rule to what is marked in it, and no other
+//! finding may come.
+//!
+//! ```text
+//! #! --node 5=wandfluh-md2:amplifier     what is known beside the capture; --protocol canopen
+//! #| [node.5]                            lines of a bus file
+//! (1700000000.000000) can0 705#05
+//! #~ node-lost node=5 severity=error     a finding that opens at the frame above (or a deadline before it)
+//! #- node-lost                           one that closes
+//! ```
+
+#![expect(clippy::panic, reason = "a test that cannot go on has failed")]
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use cobscope_decoder::bus_file::BusFile;
+use cobscope_decoder::capture::{Batch, Item, ReadOptions, Reader};
+use cobscope_decoder::decoder::Decoder;
+use cobscope_decoder::event::{Event, EventKind};
+use cobscope_decoder::finding::Findings;
+use cobscope_decoder::profile::Catalogue;
+use cobscope_decoder::rules::{Engine, HEADINGS, Judge, Setup, declarations, section};
+use cobscope_decoder::session::{AssignedBy, Assignment, Bus, ProtocolChoice, SessionOptions};
+
+use crate::support::workspace;
+
+/// A capture with what is marked in it.
+struct Annotated {
+    name: String,
+    frames: String,
+    options: SessionOptions,
+    setup: Setup,
+    /// Number of the frame above, whether it closes, rule, keys.
+    marks: Vec<(u64, bool, String, BTreeMap<String, String>)>,
+}
+
+fn folder() -> PathBuf {
+    workspace().join("fixtures").join("rules")
+}
+
+fn read(path: &Path) -> Annotated {
+    let text = fs::read_to_string(path).unwrap();
+    let name = path.file_name().unwrap().to_string_lossy().into_owned();
+    let mut bus_file = String::new();
+    let mut options = SessionOptions::default();
+    let mut catalogue = Catalogue::default();
+    let mut frames = String::new();
+    let (mut marks, mut number) = (Vec::new(), 0);
+    for line in text.lines() {
+        if let Some(text) = line.strip_prefix("#|") {
+            writeln!(bus_file, "{}", text.strip_prefix(' ').unwrap_or(text)).unwrap();
+        } else if let Some(text) = line.strip_prefix("#!") {
+            option(text.trim(), &mut options, &mut catalogue);
+        } else if let Some(text) = line.strip_prefix("#~").or_else(|| line.strip_prefix("#-")) {
+            let mut words = text.split_whitespace();
+            let rule = words.next().unwrap().to_owned();
+            let keys = words
+                .map(|word| word.split_once('=').unwrap())
+                .map(|(key, value)| (key.into(), value.into()));
+            marks.push((number, line.starts_with("#-"), rule, keys.collect()));
+        } else if line.starts_with('(') {
+            number += 1;
+            writeln!(frames, "{line}").unwrap();
+        }
+    }
+    options.bus_file = BusFile::parse(&bus_file).unwrap_or_else(|error| panic!("{name}: {error}"));
+    for (bus, node, profile) in options.bus_file.devices() {
+        let device = catalogue.device(profile).unwrap();
+        let bus = bus.map(Into::into);
+        options.assignments.push(Assignment { bus, node, device, by: AssignedBy::BusFile });
+    }
+    options.catalogue = Arc::new(catalogue);
+    let setup = Setup::new(&options.bus_file, &bus_file, Some("2026-06-01".into()));
+    let setup = setup.unwrap_or_else(|error| panic!("{name}: {error}"));
+    Annotated { name, frames, options, setup, marks }
+}
+
+fn option(text: &str, options: &mut SessionOptions, catalogue: &mut Catalogue) {
+    match text.split_whitespace().collect::<Vec<_>>()[..] {
+        ["--node", given] => {
+            let (node, profile) = given.split_once('=').unwrap();
+            let device = catalogue.device(profile).unwrap();
+            let node = node.parse().unwrap();
+            options.assignments.push(Assignment { bus: None, node, device, by: AssignedBy::Option });
+        }
+        ["--protocol", "canopen"] => options.protocol = ProtocolChoice::Canopen,
+        _ => panic!("no option of a fixture: {text}"),
+    }
+}
+
+/// News of findings with the number of the frame that brought them, and everything judged.
+pub fn judge(frames: &str, options: &SessionOptions, setup: Setup) -> (Vec<(u64, Event)>, Findings) {
+    let mut reader = Reader::open(frames.as_bytes(), &ReadOptions::default()).unwrap();
+    let mut decoder = Decoder::new(options.clone());
+    let mut engine = Engine::new(Arc::new(setup));
+    let mut batch = Batch::new();
+    let mut news = Vec::new();
+    let mut number = 0;
+    while reader.read(&mut batch).unwrap() {
+        for item in batch.items() {
+            if let Item::Frame(frame) = item {
+                number = frame.number;
+                engine.frame(frame);
+            }
+            let mut observer = |event: &Event, _: &Bus| {
+                if matches!(event.kind, EventKind::FindingOpened(_) | EventKind::FindingClosed(_)) {
+                    news.push((number, event.clone()));
+                }
+            };
+            match item {
+                Item::Frame(frame) => {
+                    let mut judge = Judge { engine: &mut engine, out: &mut observer };
+                    decoder.push(frame, reader.buses(), &mut judge);
+                }
+                Item::Notice(notice) => {
+                    let mut judge = Judge { engine: &mut engine, out: &mut observer };
+                    decoder.notice(notice, reader.buses(), &mut judge);
+                }
+            }
+        }
+    }
+    let mut observer = |event: &Event, _: &Bus| {
+        if matches!(event.kind, EventKind::FindingOpened(_) | EventKind::FindingClosed(_)) {
+            news.push((number, event.clone()));
+        }
+    };
+    decoder.finish(reader.buses(), &mut Judge { engine: &mut engine, out: &mut observer });
+    let findings = engine.finish(decoder.buses(), &mut observer);
+    (news, findings)
+}
+
+/// What a mark may say of a finding.
+fn keys(event: &Event) -> (bool, String, BTreeMap<String, String>) {
+    let (EventKind::FindingOpened(news) | EventKind::FindingClosed(news)) = &event.kind else {
+        panic!("no finding")
+    };
+    let about = news.object.map(|object| object.to_string());
+    let about = about.or(news.pgn.map(|pgn| format!("pgn:{pgn}"))).or(news.about.clone());
+    let mut keys = BTreeMap::new();
+    keys.insert("node".to_owned(), event.node.map_or_else(|| "-".to_owned(), |node| node.to_string()));
+    keys.insert("severity".to_owned(), news.severity.name().to_owned());
+    keys.insert("about".to_owned(), about.unwrap_or_else(|| "-".to_owned()).replace(' ', "_"));
+    keys.insert("count".to_owned(), news.count.to_string());
+    keys.insert("frames".to_owned(), format!("{}-{}", event.frames.first, event.frames.last));
+    (matches!(event.kind, EventKind::FindingClosed(_)), news.rule.to_string(), keys)
+}
+
+/// Every mark needs its finding, every opening its mark; closings are held to the marks there are.
+fn compare(capture: &Annotated, report: &mut String) {
+    let (news, _) = judge(&capture.frames, &capture.options, capture.setup.clone());
+    let mut told: Vec<_> = news.iter().map(|(number, event)| (*number, keys(event))).collect();
+    for (number, closes, rule, wanted) in &capture.marks {
+        let found = told.iter().position(|(at, (is_over, name, keys))| {
+            at == number
+                && is_over == closes
+                && name == rule
+                && wanted.iter().all(|(key, value)| keys.get(key) == Some(value))
+        });
+        match found {
+            Some(place) => {
+                told.remove(place);
+            }
+            None => {
+                writeln!(report, "{}: behind frame {number}: no {rule} {wanted:?}", capture.name).unwrap();
+            }
+        }
+    }
+    for (number, (is_over, rule, keys)) in told.iter().filter(|(_, (is_over, ..))| !is_over) {
+        writeln!(report, "{}: behind frame {number}: unmarked {rule} {keys:?} {is_over}", capture.name)
+            .unwrap();
+    }
+}
+
+fn captures() -> Vec<PathBuf> {
+    let mut all: Vec<_> = fs::read_dir(folder()).unwrap().map(|entry| entry.unwrap().path()).collect();
+    all.retain(|path| path.extension().is_some_and(|extension| extension == "log"));
+    all.sort();
+    all
+}
+
+#[test]
+fn findings_are_those_that_are_marked() {
+    let mut report = String::new();
+    for path in captures() {
+        compare(&read(&path), &mut report);
+    }
+    assert!(report.is_empty(), "\n{report}");
+}
+
+#[test]
+fn every_rule_has_a_fixture_in_which_it_fires_and_others_in_which_it_is_silent() {
+    let captures: Vec<_> = captures().iter().map(|path| read(path)).collect();
+    let mut report = String::new();
+    for rule in declarations() {
+        let own = captures.iter().find(|capture| capture.name == format!("{}.log", rule.name));
+        match own {
+            None => writeln!(report, "fixtures/rules/{}.log is missing", rule.name).unwrap(),
+            Some(own) if own.marks.iter().all(|(_, _, name, _)| name != rule.name) => {
+                writeln!(report, "{}: the rule does not fire", own.name).unwrap();
+            }
+            Some(own) => {
+                // It passes somewhere: in its own fixture, before or behind what is wrong.
+                let (_, findings) = judge(&own.frames, &own.options, own.setup.clone());
+                let place = findings.rules.iter().position(|info| *info.name == *rule.name).unwrap();
+                if findings.tallies[place].passed == 0 {
+                    writeln!(report, "{}: the rule never passes", own.name).unwrap();
+                }
+            }
+        }
+    }
+    assert!(report.is_empty(), "\n{report}");
+}
+
+#[test]
+fn every_rule_explains_itself() {
+    let mut report = String::new();
+    for rule in declarations() {
+        for heading in HEADINGS {
+            if section(rule.explanation, heading).is_none_or(|text| text.trim().len() < 10) {
+                writeln!(report, "{}: says nothing under {heading}", rule.name).unwrap();
+            }
+        }
+        if rule.word.is_empty() || rule.word.len() > 6 {
+            writeln!(report, "{}: its word in lines has 1 to 6 letters", rule.name).unwrap();
+        }
+    }
+    assert!(report.is_empty(), "\n{report}");
+}
