@@ -1,7 +1,14 @@
 //! The general rules: one file each.
 
+mod duplicate_node_id;
+mod duplicate_producer;
 mod emcy_raised;
+mod facts;
 mod node_lost;
+mod pdo_long;
+mod pdo_outside_operational;
+mod pdo_short;
+mod sdo_download_refused;
 mod sdo_no_response;
 mod unexpected_boot;
 
@@ -18,5 +25,15 @@ macro_rules! entry {
 }
 
 /// All of them, in the order they are asked: those that explain others before those.
-pub static REGISTRY: &[Entry] =
-    &[entry!(node_lost), entry!(unexpected_boot), entry!(emcy_raised), entry!(sdo_no_response)];
+pub static REGISTRY: &[Entry] = &[
+    entry!(duplicate_node_id),
+    entry!(duplicate_producer),
+    entry!(node_lost),
+    entry!(unexpected_boot),
+    entry!(emcy_raised),
+    entry!(sdo_no_response),
+    entry!(sdo_download_refused),
+    entry!(pdo_outside_operational),
+    entry!(pdo_short),
+    entry!(pdo_long),
+];
