@@ -1,5 +1,8 @@
 //! The general rules: one file each.
 
+mod access_type;
+mod cob_id_mismatch;
+mod cob_id_restricted;
 mod duplicate_node_id;
 mod duplicate_producer;
 mod emcy_raised;
@@ -8,8 +11,16 @@ mod node_lost;
 mod pdo_long;
 mod pdo_outside_operational;
 mod pdo_short;
+mod read_back;
+mod sdo_abort_code;
+mod sdo_block_crc;
+mod sdo_block_sequence;
 mod sdo_download_refused;
 mod sdo_no_response;
+mod sdo_situation;
+mod sdo_size;
+mod sdo_toggle;
+mod sdo_upload_refused;
 mod unexpected_boot;
 
 use super::{Entry, Rule, Setup};
@@ -33,6 +44,16 @@ pub static REGISTRY: &[Entry] = &[
     entry!(emcy_raised),
     entry!(sdo_no_response),
     entry!(sdo_download_refused),
+    entry!(sdo_abort_code),
+    entry!(sdo_block_crc),
+    entry!(sdo_block_sequence),
+    entry!(sdo_size),
+    entry!(sdo_toggle),
+    entry!(sdo_upload_refused),
+    entry!(access_type),
+    entry!(read_back),
+    entry!(cob_id_mismatch),
+    entry!(cob_id_restricted),
     entry!(pdo_outside_operational),
     entry!(pdo_short),
     entry!(pdo_long),
