@@ -1,12 +1,23 @@
 //! The general rules: one file each.
 
 mod access_type;
+mod boot_up_missing;
 mod cob_id_mismatch;
 mod cob_id_restricted;
 mod duplicate_node_id;
 mod duplicate_producer;
+mod emcy_history;
+mod emcy_missing;
 mod emcy_raised;
+mod emcy_register;
+mod emcy_repeated;
 mod facts;
+mod guard_toggle;
+mod guard_with_heartbeat;
+mod heartbeat_consumer;
+mod heartbeat_period;
+mod nmt_command_ignored;
+mod nmt_command_invalid;
 mod node_lost;
 mod pdo_long;
 mod pdo_outside_operational;
@@ -21,6 +32,8 @@ mod sdo_situation;
 mod sdo_size;
 mod sdo_toggle;
 mod sdo_upload_refused;
+mod service_in_stopped;
+mod traffic_before_boot;
 mod unexpected_boot;
 
 use super::{Entry, Rule, Setup};
@@ -54,6 +67,19 @@ pub static REGISTRY: &[Entry] = &[
     entry!(read_back),
     entry!(cob_id_mismatch),
     entry!(cob_id_restricted),
+    entry!(boot_up_missing),
+    entry!(traffic_before_boot),
+    entry!(nmt_command_invalid),
+    entry!(nmt_command_ignored),
+    entry!(service_in_stopped),
+    entry!(guard_toggle),
+    entry!(guard_with_heartbeat),
+    entry!(heartbeat_period),
+    entry!(heartbeat_consumer),
+    entry!(emcy_register),
+    entry!(emcy_history),
+    entry!(emcy_repeated),
+    entry!(emcy_missing),
     entry!(pdo_outside_operational),
     entry!(pdo_short),
     entry!(pdo_long),
