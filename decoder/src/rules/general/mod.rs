@@ -16,12 +16,19 @@ mod guard_toggle;
 mod guard_with_heartbeat;
 mod heartbeat_consumer;
 mod heartbeat_period;
+mod lss_sequence;
 mod nmt_command_ignored;
 mod nmt_command_invalid;
 mod node_lost;
+mod pdo_event_timer;
+mod pdo_inhibit_time;
 mod pdo_long;
 mod pdo_outside_operational;
+mod pdo_parameter;
+mod pdo_rtr;
 mod pdo_short;
+mod pdo_sync_acyclic;
+mod pdo_sync_cyclic;
 mod read_back;
 mod sdo_abort_code;
 mod sdo_block_crc;
@@ -33,6 +40,8 @@ mod sdo_size;
 mod sdo_toggle;
 mod sdo_upload_refused;
 mod service_in_stopped;
+mod sync_counter;
+mod time_not_monotonic;
 mod traffic_before_boot;
 mod unexpected_boot;
 
@@ -83,4 +92,12 @@ pub static REGISTRY: &[Entry] = &[
     entry!(pdo_outside_operational),
     entry!(pdo_short),
     entry!(pdo_long),
+    entry!(sync_counter),
+    entry!(pdo_sync_cyclic),
+    entry!(pdo_sync_acyclic),
+    entry!(pdo_event_timer),
+    entry!(pdo_inhibit_time),
+    entry!(pdo_rtr),
+    entry!(lss_sequence),
+    entry!(time_not_monotonic),
 ];
