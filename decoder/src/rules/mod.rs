@@ -14,6 +14,7 @@ mod declaration;
 mod engine;
 mod general;
 mod ledger;
+mod machines;
 mod nodes;
 mod setup;
 mod traffic;
