@@ -12,7 +12,8 @@ use crate::wire::canopen::{NmtState, ObjectAddress};
 declare_rule! {
     /// # What it checks
     /// A set point other than 0 is sent while a condition of the device for it to act is not met, and that for
-    /// longer than it takes to bring the device there. Conditions the bus does not show do not count.
+    /// longer than it takes to bring the device there. Conditions the bus does not show do not count, nor does a
+    /// calibration that the master began.
     ///
     /// # Why it matters
     /// The controller commands a movement that does not come; when the condition is met later, it comes at once.
@@ -115,7 +116,7 @@ impl Point {
         let is_sure = |gate: &&GateState| {
             gate.set_point == self.object
                 && gate.status == GateStatus::Closed
-                && !node.is_some_and(|node| rests_on_command(node, gate))
+                && !node.is_some_and(|node| rests_on_command(node, gate) || is_calibrated(node, gate))
         };
         let Some(gate) = gates.iter().find(is_sure) else { return false };
         // A state that follows the control word shows that the contents of the PDOs are as assumed.
@@ -130,6 +131,12 @@ impl Point {
         });
         true
     }
+}
+
+/// Whether a gate is closed by a procedure that takes its time, so that nobody expects set points to act.
+fn is_calibrated(node: &Node, gate: &GateState) -> bool {
+    node.procedures()
+        .any(|procedure| procedure.takes_over && procedure.seconds.is_some() && procedure.name == gate.detail)
 }
 
 /// Whether a gate is closed by an NMT state that only a command tells.
