@@ -234,10 +234,12 @@ impl Rule for NotFollowing {
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match (&event.kind, event.node) {
-            (EventKind::Pdo(pdo), _) => {
-                if !self.pairs.is_empty() && pdo.name.direction == PdoDirection::Transmit && !pdo.is_request {
-                    self.pdo(event, pdo, context);
-                }
+            (EventKind::Pdo(pdo), _)
+                if !self.pairs.is_empty()
+                    && pdo.name.direction == PdoDirection::Transmit
+                    && !pdo.is_request =>
+            {
+                self.pdo(event, pdo, context);
             }
             (EventKind::SetPoint(point), Some(node)) => self.set_point(event, node, point, context),
             (EventKind::BootUp { .. }, Some(node)) => {
