@@ -388,7 +388,7 @@ impl Ledger {
                 cases.entry(Arc::clone(case)).or_default().add(*tally);
             }
         }
-        let suppressions = self.setup.unused(&self.groups);
+        let suppressions = self.setup.uses(&self.groups);
         Findings {
             rules: self.rules,
             tallies: self.tallies,
