@@ -14,6 +14,7 @@ use crate::query::record::{can_error_text, device as device_of, time_of_day};
 use crate::session::Bus;
 use crate::sink::ascii::{push_code, push_decimal, push_spaced_hex};
 use crate::wire::NodeId;
+use crate::wire::canopen::NmtState;
 use crate::wire::canopen::lss::Content;
 use crate::wire::canopen::nmt::NmtService;
 
@@ -110,11 +111,8 @@ fn words(event: &Event, bus: &Bus) -> Words {
             tone: Tone::Quiet,
         },
         EventKind::GuardReply { state, code, toggle, toggle_error } => {
-            let state =
-                state.map_or_else(|| format!("undefined state {code:02X}"), |state| state.name().into());
-            let error = if *toggle_error { ", toggle bit did not alternate" } else { "" };
             let tone = if *toggle_error { Tone::Caution } else { Tone::Quiet };
-            words("GUARD", format!("reply: {state}, toggle {}{error}", u8::from(*toggle)), tone)
+            words("GUARD", guard_reply(*state, *code, *toggle, *toggle_error), tone)
         }
         EventKind::NodeLost(silence) => words("LOST", lost(silence), Tone::Bad),
         EventKind::NodeBack(silence) => {
@@ -204,6 +202,13 @@ fn bus_words(event: &Event, words: impl Fn(&'static str, String, Tone) -> Words)
             };
             words("UNREAD", format!("{place}{reason}"), Tone::Caution)
         }
+        EventKind::TestCase(marker) => {
+            let step = match marker.result {
+                Some(result) => format!("ends: {} by the test tool", result.name()),
+                None => "begins".to_owned(),
+            };
+            words("TEST", format!("conformance test {}.{} {step}", marker.group, marker.case), Tone::Plain)
+        }
         EventKind::Note { text } => words("NOTE", text.clone(), Tone::Caution),
         _ => words("", event.kind.name().into(), Tone::Plain),
     }
@@ -267,6 +272,12 @@ pub(super) fn push_frames(frames: FrameRange, out: &mut Vec<u8>) {
         push_decimal(out, frames.last);
     }
     out.push(b'}');
+}
+
+fn guard_reply(state: Option<NmtState>, code: u8, toggle: bool, toggle_error: bool) -> String {
+    let state = state.map_or_else(|| format!("undefined state {code:02X}"), |state| state.name().into());
+    let error = if toggle_error { ", toggle bit did not alternate" } else { "" };
+    format!("reply: {state}, toggle {}{error}", u8::from(toggle))
 }
 
 fn boot_up(cause: BootCause, lost: u32) -> String {
