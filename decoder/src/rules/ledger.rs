@@ -234,7 +234,7 @@ impl Ledger {
         let configured = self.setup.severity(&rule.name);
         let mut severity = configured.unwrap_or(claim.severity.unwrap_or(rule.severity));
         let mut reason = None;
-        let explained = opens.then(|| self.explanation(&rule.name, claim)).flatten();
+        let explained = opens.then(|| self.explanation(rule, claim)).flatten();
         if let Some(Explained { effect: Effect::Quality, by: Cause::Quality(text) }) = &explained {
             severity = Severity::Note;
             reason = Some(format!("{text} may explain it"));
@@ -287,7 +287,7 @@ impl Ledger {
     }
 
     /// What explains a finding of this rule.
-    fn explanation(&self, rule: &str, claim: &Claim) -> Option<Explained> {
+    fn explanation(&self, rule: &RuleInfo, claim: &Claim) -> Option<Explained> {
         for cause in causes().of(rule) {
             let from = claim.now.saturating_sub(cause.within);
             if let Some(seen) = self.kinds.get(&(cause.by.as_str(), claim.key.bus))
@@ -427,7 +427,8 @@ impl Ledger {
     fn link_late_causes(&mut self) {
         let mut links = Vec::new();
         for (place, group) in self.groups.iter().enumerate().filter(|(_, group)| group.cause.is_none()) {
-            for cause in causes().of(&group.rule).filter(|cause| cause.effect != Effect::Quality) {
+            let Some(rule) = self.rules.get(usize::from(group.key.rule)) else { continue };
+            for cause in causes().of(rule).filter(|cause| cause.effect != Effect::Quality) {
                 let found = self.latest_of(&cause.by, group, cause.is_on_node).filter(|by| {
                     by.id != group.id && near(group.began().time, by.began().time, cause.within)
                 });
