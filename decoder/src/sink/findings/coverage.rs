@@ -17,7 +17,7 @@ pub(super) fn write(report: &Report, out: &mut String) {
     rules.write(0, out);
     let judged = report.cases();
     let mut plan = table("CASE");
-    for case in cases() {
+    for case in cases().iter() {
         if let Some(tally) = judged.get(case.id.as_str()) {
             plan.row(row(&case.id, *tally, &case.name));
         }

@@ -2,6 +2,7 @@
 //! them. Times and objects are written as in `decode -f jsonl`.
 
 use super::{Judged, Outcome, Report, Standing};
+use crate::event::FrameRange;
 use crate::finding::{Cause, Group, Occurrence, Severity, Tally};
 use crate::frame::Timestamp;
 use crate::query::record::{FieldValue, Fields as _};
@@ -139,6 +140,30 @@ pub const KEYS: &[Key] = &[
     key(SUMMARY, "cases.passed", KeyType::Count, true, "Times nothing was wrong"),
     key(SUMMARY, "cases.failed", KeyType::Count, true, "Times something was"),
     key(SUMMARY, "cases.waived", KeyType::Count, true, "Times the device's manual excuses it"),
+    key(
+        SUMMARY,
+        "conformance",
+        KeyType::Groups,
+        true,
+        "Cases of a conformance test that was run in the capture",
+    ),
+    key(SUMMARY, "conformance.case", KeyType::Text, true, "Number of the case"),
+    key(
+        SUMMARY,
+        "conformance.name",
+        KeyType::Text,
+        true,
+        "Its subject; empty for a case the plan does not have",
+    ),
+    key(SUMMARY, "conformance.tool", KeyType::Text, true, "The test tool's verdict"),
+    key(
+        SUMMARY,
+        "conformance.verdict",
+        KeyType::Text,
+        true,
+        "That of the rules here: pass, fail or not-exercised",
+    ),
+    key(SUMMARY, "conformance.frames", KeyType::Frames, true, "From its first mark to its last"),
     key(SUMMARY, "suppressions", KeyType::Groups, true, "Suppressions of the bus file"),
     key(SUMMARY, "suppressions.what", KeyType::Text, true, "What it covers"),
     key(SUMMARY, "suppressions.reason", KeyType::Text, true, "The user's reason"),
@@ -219,9 +244,13 @@ fn optional(line: &mut Object<'_>, key: &'static str, text: Option<&str>) {
 
 fn occurrence(line: &mut Object<'_>, at: Occurrence) {
     line.field("t", at.time.map_or(FieldValue::Null, |Timestamp(time)| FieldValue::Seconds(time)));
+    frames(line, at.frames);
+}
+
+fn frames(line: &mut Object<'_>, frames: FrameRange) {
     line.open_list("frames");
-    line.field("", FieldValue::Unsigned(at.frames.first));
-    line.field("", FieldValue::Unsigned(at.frames.last));
+    line.field("", FieldValue::Unsigned(frames.first));
+    line.field("", FieldValue::Unsigned(frames.last));
     line.close_list();
 }
 
@@ -246,6 +275,17 @@ fn summary(judged: &Judged, report: &Report, lines: &mut Vec<u8>) {
     line.open_list("cases");
     for (case, tally) in &findings.cases {
         tallied(&mut line, "case", case, *tally);
+    }
+    line.close_list();
+    line.open_list("conformance");
+    for case in &findings.conformance {
+        line.open("");
+        line.field("case", FieldValue::Text(&case.id));
+        line.field("name", FieldValue::Text(&case.name));
+        line.field("tool", FieldValue::Text(case.tool.name()));
+        line.field("verdict", FieldValue::Text(case.ours().name()));
+        frames(&mut line, case.frames);
+        line.close();
     }
     line.close_list();
     line.open_list("suppressions");

@@ -6,6 +6,7 @@
 //! ```
 
 pub mod baseline;
+mod conformance;
 mod coverage;
 pub mod github;
 mod incident;

@@ -3,9 +3,9 @@
 
 use std::fmt::Write as _;
 
-use super::coverage;
 use super::incident::{absorbed, incidents};
 use super::{Judged, Outcome, Report, Standing, moment, notes, plural, seconds, what, when, who};
+use super::{conformance, coverage};
 use crate::finding::{Group, Severity, SuppressionUse, Verdict};
 use crate::sink::escape;
 use crate::sink::table::{Align, Table};
@@ -89,6 +89,7 @@ impl Page<'_> {
         let behind_heading = self.out.len();
         self.quality(judged);
         self.incidents(judged);
+        conformance::write(judged, self.out);
         self.baseline(judged);
         if self.options.verbose {
             self.set_aside(judged);

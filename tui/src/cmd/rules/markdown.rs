@@ -53,7 +53,7 @@ fn section(rule: &Listed, text: &mut String) {
         text.push('\n');
     }
     let named = rule.cases.iter().map(|id| {
-        let name = cases().iter().find(|case| case.id == *id).map_or("", |case| case.name.as_str());
+        let name = cases().by_id(id).map_or("", |case| case.name.as_str());
         format!("{id} ({name})")
     });
     let named: Vec<_> = named.collect();

@@ -26,7 +26,7 @@ pub(in crate::cmd) fn page(rule: &Listed) -> String {
     }
     part(&mut text, "Only of the variants", &rule.variants);
     let named = rule.cases.iter().map(|id| {
-        let name = cases().iter().find(|case| case.id == *id).map_or("", |case| case.name.as_str());
+        let name = cases().by_id(id).map_or("", |case| case.name.as_str());
         format!("{id} {name}")
     });
     part(&mut text, "Cases of CiA's conformance test plan", &named.collect::<Vec<_>>());
