@@ -6,6 +6,7 @@ use std::sync::Arc;
 use foldhash::fast::FixedState;
 
 use super::causes::{Effect, Explained, causes};
+use super::conformance::{Run, Standing};
 use super::setup::Setup;
 use crate::event::{FindingNews, FrameRange};
 use crate::finding::{
@@ -15,6 +16,7 @@ use crate::finding::{
 use crate::frame::{BusIndex, Timestamp};
 use crate::session::Bus;
 use crate::wire::NodeId;
+use crate::wire::canopen::test_marker::TestMarker;
 
 /// A finding that does not come again for so long is closed, in nanoseconds.
 pub(super) const QUIET: i64 = 5_000_000_000;
@@ -80,6 +82,8 @@ pub(super) struct Ledger {
     /// When a kind of event was seen last on a bus.
     kinds: HashMap<(&'static str, BusIndex), i64, FixedState>,
     ungrouped: u64,
+    /// The conformance test that is being run.
+    run: Run,
     pub(super) news: Vec<News>,
     /// Why rules had nothing to judge.
     unexercised: Vec<(u16, String)>,
@@ -99,6 +103,7 @@ impl Ledger {
             latest: HashMap::default(),
             kinds: HashMap::default(),
             ungrouped: 0,
+            run: Run::default(),
             news: Vec::new(),
             unexercised: Vec::new(),
         }
@@ -135,6 +140,11 @@ impl Ledger {
         if failed { tally.failed += 1 } else { tally.passed += 1 }
     }
 
+    /// The test tool begins or ends a case.
+    pub(super) fn mark(&mut self, marker: TestMarker, frame: u64) {
+        self.run.mark(marker, frame, &self.rules, &self.tallies);
+    }
+
     pub(super) fn waive(&mut self, rule: u16) {
         if let Some(tally) = self.tallies.get_mut(usize::from(rule)) {
             tally.waived += 1;
@@ -153,6 +163,11 @@ impl Ledger {
         names: (&Arc<str>, Option<&str>),
         text: impl FnOnce() -> String,
     ) -> Option<usize> {
+        let rule = self.rules.get(usize::from(claim.key.rule));
+        let standing = rule.map_or(Standing::Judged, |rule| self.run.standing(&rule.name));
+        if standing == Standing::Fact {
+            return None;
+        }
         if let Some(tally) = self.tallies.get_mut(usize::from(claim.key.rule)) {
             tally.failed += 1;
         }
@@ -242,10 +257,15 @@ impl Ledger {
         let configured = self.setup.severity(&rule.name);
         let mut severity = configured.unwrap_or(claim.severity.unwrap_or(rule.severity));
         let mut reason = None;
-        let explained = opens.then(|| self.explanation(&rule.name, claim)).flatten();
+        let explained = opens.then(|| self.explanation(rule, claim)).flatten();
         if let Some(Explained { effect: Effect::Quality, by: Cause::Quality(text) }) = &explained {
             severity = Severity::Note;
             reason = Some(format!("{text} may explain it"));
+        }
+        if self.run.standing(&rule.name) == Standing::Beside {
+            severity = Severity::Note;
+            let case = self.run.case().unwrap_or_default();
+            reason.get_or_insert_with(|| format!("within conformance test {case}, which is not about it"));
         }
         if claim.is_presumed {
             severity = severity.lowered();
@@ -290,7 +310,7 @@ impl Ledger {
     }
 
     /// What explains a finding of this rule.
-    fn explanation(&self, rule: &str, claim: &Claim) -> Option<Explained> {
+    fn explanation(&self, rule: &RuleInfo, claim: &Claim) -> Option<Explained> {
         for cause in causes().of(rule) {
             let from = claim.now.saturating_sub(cause.within);
             if let Some(seen) = self.kinds.get(&(cause.by.as_str(), claim.key.bus))
@@ -413,6 +433,7 @@ impl Ledger {
             }
         }
         let suppressions = self.setup.unused(&self.groups);
+        let conformance = self.run.into_verdicts(is_timed, &self.rules);
         Findings {
             rules: self.rules,
             tallies: self.tallies,
@@ -421,6 +442,7 @@ impl Ledger {
             ungrouped: self.ungrouped,
             quality,
             suppressions,
+            conformance,
             events,
         }
     }
@@ -429,7 +451,8 @@ impl Ledger {
     fn link_late_causes(&mut self) {
         let mut links = Vec::new();
         for (place, group) in self.groups.iter().enumerate().filter(|(_, group)| group.cause.is_none()) {
-            for cause in causes().of(&group.rule).filter(|cause| cause.effect != Effect::Quality) {
+            let Some(rule) = self.rules.get(usize::from(group.key.rule)) else { continue };
+            for cause in causes().of(rule).filter(|cause| cause.effect != Effect::Quality) {
                 let found = self.latest_of(&cause.by, group, cause.is_on_node).filter(|by| {
                     by.id != group.id && near(group.began().time, by.began().time, cause.within)
                 });
