@@ -41,6 +41,12 @@ impl Bus {
         self.clock.stamp_of(time)
     }
 
+    /// How long all traffic may stop before the bus counts as silent, in nanoseconds; none until the pattern of its
+    /// periodic messages is known.
+    pub fn silence_limit(&self) -> Option<i64> {
+        self.clock.silence_limit()
+    }
+
     /// Number of the last frame of this bus; 0 before the first.
     pub fn last_frame(&self) -> u64 {
         self.last_frame
