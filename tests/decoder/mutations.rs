@@ -83,12 +83,13 @@ fn frames(capture: &Capture) -> (Vec<Line>, String) {
 fn fired(name: &str, known: &str, frames: &[Line]) -> BTreeMap<String, (bool, String)> {
     let annotated = parse(name, &format!("{known}{}", text(frames)));
     let (_, findings) = judge(&annotated.frames, &annotated.options, annotated.setup);
-    let mut fired = BTreeMap::new();
+    let mut fired = BTreeMap::<_, (bool, String)>::new();
     for group in &findings.groups {
         let node = group.key.node.map_or_else(String::new, |node| node.to_string());
         let (severity, about, at) = (group.severity.name(), &group.key.about, group.began().frames.last);
         let text = format!("{node} {severity} {about}: {} {{{at}}}", group.text);
-        fired.insert(group.rule.to_string(), (group.counts(), text));
+        let known = fired.entry(group.rule.to_string()).or_insert((false, text));
+        known.0 |= group.counts();
     }
     fired
 }
