@@ -72,6 +72,9 @@ impl Engine {
             self.buses.push(BusJudge::new(bus, &self.setup, &self.ledger));
         }
         self.events += 1;
+        if let EventKind::TestCase(marker) = &event.kind {
+            self.ledger.mark(*marker, event.frames.last);
+        }
         if let Some(judge) = self.buses.get_mut(index) {
             judge.event(event, bus, &mut self.ledger);
             if self.explaining.contains(&event.kind) {

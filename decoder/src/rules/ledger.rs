@@ -6,6 +6,7 @@ use std::sync::Arc;
 use foldhash::fast::FixedState;
 
 use super::causes::{Effect, Explained, causes};
+use super::conformance::{Run, Standing};
 use super::setup::Setup;
 use crate::event::{FindingNews, FrameRange};
 use crate::finding::{
@@ -14,6 +15,7 @@ use crate::finding::{
 use crate::frame::{BusIndex, Timestamp};
 use crate::session::Bus;
 use crate::wire::NodeId;
+use crate::wire::canopen::test_marker::TestMarker;
 
 /// A finding that does not come again for so long is closed, in nanoseconds.
 pub(super) const QUIET: i64 = 5_000_000_000;
@@ -79,6 +81,8 @@ pub(super) struct Ledger {
     /// When a kind of event was seen last on a bus.
     kinds: HashMap<(&'static str, BusIndex), i64, FixedState>,
     ungrouped: u64,
+    /// The conformance test that is being run.
+    run: Run,
     pub(super) news: Vec<News>,
 }
 
@@ -96,6 +100,7 @@ impl Ledger {
             latest: HashMap::default(),
             kinds: HashMap::default(),
             ungrouped: 0,
+            run: Run::default(),
             news: Vec::new(),
         }
     }
@@ -110,6 +115,11 @@ impl Ledger {
     pub(super) fn judge_case(&mut self, case: &'static str, failed: bool) {
         let tally = self.cases.entry(case.into()).or_default();
         if failed { tally.failed += 1 } else { tally.passed += 1 }
+    }
+
+    /// The test tool begins or ends a case.
+    pub(super) fn mark(&mut self, marker: TestMarker, frame: u64) {
+        self.run.mark(marker, frame, &self.rules, &self.tallies);
     }
 
     pub(super) fn waive(&mut self, rule: u16) {
@@ -130,6 +140,11 @@ impl Ledger {
         names: (&Arc<str>, Option<&str>),
         text: impl FnOnce() -> String,
     ) -> Option<usize> {
+        let rule = self.rules.get(usize::from(claim.key.rule));
+        let standing = rule.map_or(Standing::Judged, |rule| self.run.standing(&rule.name));
+        if standing == Standing::Fact {
+            return None;
+        }
         if let Some(tally) = self.tallies.get_mut(usize::from(claim.key.rule)) {
             tally.failed += 1;
         }
@@ -223,6 +238,11 @@ impl Ledger {
         if let Some(Explained { effect: Effect::Quality, by: Cause::Quality(text) }) = &explained {
             severity = Severity::Note;
             reason = Some(format!("{text} may explain it"));
+        }
+        if self.run.standing(&rule.name) == Standing::Beside {
+            severity = Severity::Note;
+            let case = self.run.case().unwrap_or_default();
+            reason.get_or_insert_with(|| format!("within conformance test {case}, which is not about it"));
         }
         if claim.is_presumed {
             severity = severity.lowered();
@@ -389,6 +409,7 @@ impl Ledger {
             }
         }
         let suppressions = self.setup.unused(&self.groups);
+        let conformance = self.run.into_verdicts(is_timed, &self.rules);
         Findings {
             rules: self.rules,
             tallies: self.tallies,
@@ -397,6 +418,7 @@ impl Ledger {
             ungrouped: self.ungrouped,
             quality,
             suppressions,
+            conformance,
             events,
         }
     }

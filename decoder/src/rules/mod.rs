@@ -9,6 +9,7 @@
 //! and keeps what it must remember; a rule never parses bytes.
 
 mod causes;
+pub mod conformance;
 mod context;
 mod declaration;
 mod engine;

@@ -99,6 +99,7 @@ impl Bus {
             Some(Service::Emcy(node)) => format!("EMCY of {}", node.number()),
             Some(Service::Pdo(name, node)) => format!("{name} of {}", node.number()),
             Some(Service::ErrorControl(node)) => format!("heartbeat, guarding of {}", node.number()),
+            Some(Service::TestMarker) => "conformance test".to_owned(),
             Some(Service::Lss(true)) => "LSS master".to_owned(),
             Some(Service::Lss(false)) => "LSS slave".to_owned(),
             Some(Service::Sdo(side, channel)) => {
