@@ -16,6 +16,7 @@ mod engine;
 mod expectation;
 mod general;
 mod ledger;
+mod machines;
 mod nodes;
 mod setup;
 mod traffic;

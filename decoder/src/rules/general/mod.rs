@@ -1,9 +1,24 @@
 //! The general rules: one file each.
 
+mod calibration;
+mod command_gap;
+mod commands_per_sync;
+mod config_lost;
+mod eeprom_wear;
 mod emcy_raised;
+mod fault_reset_without_edge;
+mod guard_late;
+mod mapping_procedure;
+mod mode_change_refused_or_ignored;
 mod node_lost;
+mod not_following;
 mod sdo_no_response;
+mod setpoint_not_effective;
+mod state_lost;
+mod sync_period;
 mod unexpected_boot;
+mod unsaved_change;
+mod value_out_of_range;
 
 use super::{Entry, Rule, Setup};
 
@@ -18,5 +33,24 @@ macro_rules! entry {
 }
 
 /// All of them, in the order they are asked: those that explain others before those.
-pub static REGISTRY: &[Entry] =
-    &[entry!(node_lost), entry!(unexpected_boot), entry!(emcy_raised), entry!(sdo_no_response)];
+pub static REGISTRY: &[Entry] = &[
+    entry!(node_lost),
+    entry!(unexpected_boot),
+    entry!(emcy_raised),
+    entry!(sdo_no_response),
+    entry!(config_lost),
+    entry!(command_gap),
+    entry!(guard_late),
+    entry!(sync_period),
+    entry!(commands_per_sync),
+    entry!(mode_change_refused_or_ignored),
+    entry!(mapping_procedure),
+    entry!(calibration),
+    entry!(state_lost),
+    entry!(fault_reset_without_edge),
+    entry!(setpoint_not_effective),
+    entry!(not_following),
+    entry!(eeprom_wear),
+    entry!(value_out_of_range),
+    entry!(unsaved_change),
+];
