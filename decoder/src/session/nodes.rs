@@ -42,6 +42,12 @@ impl Bus {
         self.clock.stamp_of(time)
     }
 
+    /// How long all traffic may stop before the bus counts as silent, in nanoseconds; none until the pattern of its
+    /// periodic messages is known.
+    pub fn silence_limit(&self) -> Option<i64> {
+        self.clock.silence_limit()
+    }
+
     /// Number of the last frame of this bus; 0 before the first.
     pub fn last_frame(&self) -> u64 {
         self.last_frame
@@ -106,6 +112,7 @@ impl Bus {
             Some(Service::Emcy(node)) => format!("EMCY of {}", node.number()),
             Some(Service::Pdo(name, node)) => format!("{name} of {}", node.number()),
             Some(Service::ErrorControl(node)) => format!("heartbeat, guarding of {}", node.number()),
+            Some(Service::TestMarker) => "conformance test".to_owned(),
             Some(Service::Lss(true)) => "LSS master".to_owned(),
             Some(Service::Lss(false)) => "LSS slave".to_owned(),
             Some(Service::Sdo(side, channel)) => {

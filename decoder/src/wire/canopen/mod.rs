@@ -1,12 +1,14 @@
 //! Messages of CiA 301 and CiA 305, one service a file.
 
 mod address;
+pub mod conformance;
 pub mod emcy;
 pub mod error_control;
 pub mod lss;
 pub mod nmt;
 pub mod sdo;
 pub mod sync;
+pub mod test_marker;
 pub mod time;
 
 use std::fmt;
