@@ -184,9 +184,10 @@ impl Rule for GuardLate {
             return context.wake_at(due, token);
         }
         guarded.is_told = true;
-        let gap = context.now.saturating_sub(last);
+        // How long it was in the end the next request tells.
+        let gap = part(life, self.error);
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
         let alarm = context.fail_at(due, Some(node), FrameRange::one(frame)).measure(gap as f64).ongoing();
-        alarm.say(|| said(gap, life, ">"));
+        alarm.say(|| said(gap, life, "and more, life time"));
     }
 }
