@@ -29,11 +29,15 @@ use cobscope_decoder::session::{AssignedBy, Assignment, Bus, ProtocolChoice, Ses
 use crate::support::workspace;
 
 /// A capture with what is marked in it.
-struct Annotated {
-    name: String,
-    frames: String,
-    options: SessionOptions,
-    setup: Setup,
+pub struct Annotated {
+    /// Name of its file.
+    pub name: String,
+    /// Its lines.
+    pub frames: String,
+    /// What is known beside it.
+    pub options: SessionOptions,
+    /// What its bus file says of rules.
+    pub setup: Setup,
     /// Number of the frame above, whether it closes, rule, keys.
     marks: Vec<(u64, bool, String, BTreeMap<String, String>)>,
 }
@@ -42,7 +46,8 @@ fn folder() -> PathBuf {
     workspace().join("fixtures").join("rules")
 }
 
-fn read(path: &Path) -> Annotated {
+/// Reads a capture with what is marked in it.
+pub fn read(path: &Path) -> Annotated {
     let text = fs::read_to_string(path).unwrap();
     let name = path.file_name().unwrap().to_string_lossy().into_owned();
     let mut bus_file = String::new();
@@ -175,7 +180,8 @@ fn compare(capture: &Annotated, report: &mut String) {
     }
 }
 
-fn captures() -> Vec<PathBuf> {
+/// All of them.
+pub fn captures() -> Vec<PathBuf> {
     let mut all: Vec<_> = fs::read_dir(folder()).unwrap().map(|entry| entry.unwrap().path()).collect();
     all.retain(|path| path.extension().is_some_and(|extension| extension == "log"));
     all.sort();
