@@ -15,6 +15,7 @@ mod declaration;
 mod engine;
 mod general;
 mod ledger;
+mod meter;
 mod nodes;
 mod setup;
 mod traffic;
@@ -23,6 +24,7 @@ pub use context::{Alarm, Context};
 pub use declaration::{Declaration, HEADINGS, Tolerance, section};
 pub use engine::{Engine, Judge};
 pub use general::REGISTRY;
+pub use meter::{Meter, Second};
 pub use nodes::{NodeMap, NodeSet};
 pub use setup::Setup;
 pub use traffic::{PdoSlot, Traffic};
@@ -31,6 +33,9 @@ use crate::event::Event;
 
 /// Judges the events of one bus.
 pub trait Rule {
+    /// Called before the first event.
+    fn begin(&mut self, _context: &mut Context<'_>) {}
+
     /// An event of one of the kinds it declared.
     fn event(&mut self, event: &Event, context: &mut Context<'_>);
 
