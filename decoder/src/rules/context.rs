@@ -75,6 +75,11 @@ impl<'a> Context<'a> {
         Alarm::new(self, node, occurrence(time, frames), is_presumed)
     }
 
+    /// Why a rule had nothing to judge: said at the end where it had nothing on any bus.
+    pub(super) fn unexercised(&mut self, why: String) {
+        self.ledger.unexercised(self.rule, why);
+    }
+
     /// An ongoing finding is over.
     pub fn close(&mut self, node: Option<NodeId>, about: About) {
         let key = Key { rule: self.rule, bus: self.bus.index(), node, about };
@@ -152,6 +157,12 @@ impl<'b, 'a> Alarm<'b, 'a> {
     /// How far it is off, so that the worst can be told.
     pub fn measure(mut self, measure: f64) -> Self {
         self.measure = Some(measure);
+        self
+    }
+
+    /// Its protocol is presumed only, or is not.
+    pub fn presumed(mut self, is_presumed: bool) -> Self {
+        self.is_presumed = is_presumed;
         self
     }
 

@@ -93,9 +93,12 @@ impl Engine {
         }
     }
 
-    /// Lets time pass on a live bus that is quiet.
+    /// Lets time pass on a live bus that is quiet. Whether all of it fell silent, which puts deadlines off, only the
+    /// next frame tells: until then none is judged where that can be.
     pub fn advance(&mut self, bus: &Bus, out: &mut dyn Observer) {
-        if let Some(judge) = self.buses.get_mut(usize::from(bus.index().0)) {
+        if let Some(judge) = self.buses.get_mut(usize::from(bus.index().0))
+            && bus.silence_limit().is_none()
+        {
             judge.pass_time(bus.now(), bus, &mut self.ledger);
         }
         self.tell(bus, true, out);
@@ -197,6 +200,11 @@ impl BusJudge {
             if let (true, Ok(rule)) = (is_on, u16::try_from(place)) {
                 let kinds = KindSet::by_name(|name| entry.declaration.kinds.contains(&name));
                 judge.add(rule, kinds, (entry.make)(setup));
+            }
+        }
+        for (rule, expectation) in setup.expectations_on(bus.name()) {
+            if ledger.rules.get(usize::from(rule)).is_some_and(|info| info.is_on) {
+                judge.add(rule, expectation.kinds(), expectation.make());
             }
         }
         judge

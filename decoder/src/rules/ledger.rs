@@ -11,6 +11,7 @@ use super::setup::Setup;
 use crate::event::{FindingNews, FrameRange};
 use crate::finding::{
     About, Cause, Findings, GROUP_LIMIT, Group, KEPT_OCCURRENCES, Key, Occurrence, RuleInfo, Severity, Tally,
+    Verdict,
 };
 use crate::frame::{BusIndex, Timestamp};
 use crate::session::Bus;
@@ -84,6 +85,8 @@ pub(super) struct Ledger {
     /// The conformance test that is being run.
     run: Run,
     pub(super) news: Vec<News>,
+    /// Why rules had nothing to judge.
+    unexercised: Vec<(u16, String)>,
 }
 
 impl Ledger {
@@ -102,6 +105,7 @@ impl Ledger {
             ungrouped: 0,
             run: Run::default(),
             news: Vec::new(),
+            unexercised: Vec::new(),
         }
     }
 
@@ -109,6 +113,25 @@ impl Ledger {
     pub(super) fn pass(&mut self, rule: u16) {
         if let Some(tally) = self.tallies.get_mut(usize::from(rule)) {
             tally.passed += 1;
+        }
+    }
+
+    /// Takes note of why a rule had nothing to judge; said of the first bus that says so.
+    pub(super) fn unexercised(&mut self, rule: u16, why: String) {
+        if !self.unexercised.iter().any(|(known, _)| *known == rule) {
+            self.unexercised.push((rule, why));
+        }
+    }
+
+    /// What is said of rules that had nothing to judge.
+    fn say_unexercised(&self, quality: &mut Vec<String>) {
+        for (rule, why) in &self.unexercised {
+            let place = usize::from(*rule);
+            if let (Some(info), Some(tally)) = (self.rules.get(place), self.tallies.get(place))
+                && tally.verdict() == Verdict::NotExercised
+            {
+                quality.push(format!("{} is not exercised: {why}", info.name));
+            }
         }
     }
 
@@ -234,7 +257,7 @@ impl Ledger {
         let configured = self.setup.severity(&rule.name);
         let mut severity = configured.unwrap_or(claim.severity.unwrap_or(rule.severity));
         let mut reason = None;
-        let explained = opens.then(|| self.explanation(&rule.name, claim)).flatten();
+        let explained = opens.then(|| self.explanation(rule, claim)).flatten();
         if let Some(Explained { effect: Effect::Quality, by: Cause::Quality(text) }) = &explained {
             severity = Severity::Note;
             reason = Some(format!("{text} may explain it"));
@@ -287,7 +310,7 @@ impl Ledger {
     }
 
     /// What explains a finding of this rule.
-    fn explanation(&self, rule: &str, claim: &Claim) -> Option<Explained> {
+    fn explanation(&self, rule: &RuleInfo, claim: &Claim) -> Option<Explained> {
         for cause in causes().of(rule) {
             let from = claim.now.saturating_sub(cause.within);
             if let Some(seen) = self.kinds.get(&(cause.by.as_str(), claim.key.bus))
@@ -387,8 +410,9 @@ impl Ledger {
     }
 
     /// Everything judged; of rules that judge times nothing where `is_timed` says so.
-    pub(super) fn into_findings(mut self, is_timed: bool, quality: Vec<String>, events: u64) -> Findings {
+    pub(super) fn into_findings(mut self, is_timed: bool, mut quality: Vec<String>, events: u64) -> Findings {
         self.link_late_causes();
+        self.say_unexercised(&mut quality);
         if !is_timed {
             let judges_time =
                 |rule: u16| self.rules.get(usize::from(rule)).is_some_and(|rule| rule.is_timing);
@@ -408,7 +432,7 @@ impl Ledger {
                 cases.entry(Arc::clone(case)).or_default().add(*tally);
             }
         }
-        let suppressions = self.setup.unused(&self.groups);
+        let suppressions = self.setup.uses(&self.groups);
         let conformance = self.run.into_verdicts(is_timed, &self.rules);
         Findings {
             rules: self.rules,
@@ -427,7 +451,8 @@ impl Ledger {
     fn link_late_causes(&mut self) {
         let mut links = Vec::new();
         for (place, group) in self.groups.iter().enumerate().filter(|(_, group)| group.cause.is_none()) {
-            for cause in causes().of(&group.rule).filter(|cause| cause.effect != Effect::Quality) {
+            let Some(rule) = self.rules.get(usize::from(group.key.rule)) else { continue };
+            for cause in causes().of(rule).filter(|cause| cause.effect != Effect::Quality) {
                 let found = self.latest_of(&cause.by, group, cause.is_on_node).filter(|by| {
                     by.id != group.id && near(group.began().time, by.began().time, cause.within)
                 });

@@ -2,21 +2,36 @@
 
 mod address_contention;
 mod bus_health;
+mod calibration;
 mod cannot_claim;
+mod command_gap;
+mod commands_per_sync;
+mod config_lost;
 mod dm1_period;
+mod eeprom_wear;
 mod emcy_raised;
+mod fault_reset_without_edge;
+mod guard_late;
 mod identity_move;
 mod isotp_violation;
 mod malformed_message;
+mod mapping_procedure;
+mod mode_change_refused_or_ignored;
 mod node_lost;
+mod not_following;
 mod request_unanswered;
 mod sdo_no_response;
+mod setpoint_not_effective;
 mod spn_not_available;
+mod state_lost;
+mod sync_period;
 mod transport_violation;
 mod trouble_code;
 mod uds_negative;
 mod uds_no_response;
 mod unexpected_boot;
+mod unsaved_change;
+mod value_out_of_range;
 
 use super::{Entry, Rule, Setup};
 
@@ -36,6 +51,22 @@ pub static REGISTRY: &[Entry] = &[
     entry!(node_lost),
     entry!(unexpected_boot),
     entry!(emcy_raised),
+    entry!(sdo_no_response),
+    entry!(config_lost),
+    entry!(command_gap),
+    entry!(guard_late),
+    entry!(sync_period),
+    entry!(commands_per_sync),
+    entry!(mode_change_refused_or_ignored),
+    entry!(mapping_procedure),
+    entry!(calibration),
+    entry!(state_lost),
+    entry!(fault_reset_without_edge),
+    entry!(setpoint_not_effective),
+    entry!(not_following),
+    entry!(eeprom_wear),
+    entry!(value_out_of_range),
+    entry!(unsaved_change),
     entry!(address_contention),
     entry!(cannot_claim),
     entry!(identity_move),
@@ -43,7 +74,6 @@ pub static REGISTRY: &[Entry] = &[
     entry!(dm1_period),
     entry!(transport_violation),
     entry!(isotp_violation),
-    entry!(sdo_no_response),
     entry!(request_unanswered),
     entry!(uds_no_response),
     entry!(uds_negative),
