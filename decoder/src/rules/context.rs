@@ -31,6 +31,8 @@ pub struct Context<'a> {
     pub traffic: &'a Traffic,
     /// Frames in all.
     pub meter: &'a Meter,
+    /// A conformance test marks its cases on this bus: what it asks for that must be refused is deliberate.
+    pub is_tested: bool,
     /// Silences left out so far, in nanoseconds.
     pub(super) silence: i64,
     pub(super) bus_name: &'a Arc<str>,

@@ -17,6 +17,7 @@ use crate::frame::Frame;
 use crate::query::{KIND_COUNT, KindSet};
 use crate::session::{Bus, Observer};
 use crate::statistics::Quality;
+use crate::wire::canopen::conformance;
 
 /// Judges one capture. A rule sees one bus only: each has rules of its own.
 pub struct Engine {
@@ -40,6 +41,7 @@ struct BusJudge {
     traffic: Traffic,
     meter: Meter,
     has_begun: bool,
+    is_tested: bool,
     wakes: BinaryHeap<Wake>,
     now: i64,
     silence: i64,
@@ -190,6 +192,7 @@ impl BusJudge {
             traffic: Traffic::default(),
             meter: Meter::new(bus.bit_rate()),
             has_begun: false,
+            is_tested: false,
             wakes: BinaryHeap::new(),
             now: i64::MIN,
             silence: 0,
@@ -235,6 +238,9 @@ impl BusJudge {
         match &event.kind {
             EventKind::Pdo(pdo) => self.traffic.saw_pdo(pdo, self.now, event.frames.last),
             EventKind::Sync { .. } => self.traffic.saw_sync(),
+            EventKind::Frame(frame) if frame.frame.id == conformance::IDENTIFIER => {
+                self.is_tested |= conformance::parse(frame.frame.data()).is_some();
+            }
             _ => {}
         }
         let Some(list) = self.by_kind.get(KindSet::place(&event.kind)) else { return };
@@ -246,6 +252,7 @@ impl BusJudge {
                 has_time: self.has_time,
                 traffic: &self.traffic,
                 meter: &self.meter,
+                is_tested: self.is_tested,
                 silence: self.silence,
                 bus_name: &self.name,
                 rule: *rule,
@@ -286,6 +293,7 @@ impl BusJudge {
             has_time: self.has_time,
             traffic: &self.traffic,
             meter: &self.meter,
+            is_tested: self.is_tested,
             silence: self.silence,
             bus_name: &self.name,
             rule: *rule,
@@ -306,6 +314,7 @@ impl BusJudge {
                 has_time: self.has_time,
                 traffic: &self.traffic,
                 meter: &self.meter,
+                is_tested: self.is_tested,
                 silence: self.silence,
                 bus_name: &self.name,
                 rule: *rule,

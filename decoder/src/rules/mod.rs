@@ -8,6 +8,7 @@
 //! fixture `fixtures/rules/<name>.log` its proof. It sees the events of one bus, asks to be woken at deadlines,
 //! and keeps what it must remember; a rule never parses bytes.
 
+mod abort_codes;
 mod causes;
 pub mod conformance;
 mod context;

@@ -59,7 +59,8 @@ fn message(event: &Event, transfer: &IsoTpTransfer, context: &mut Context<'_>) {
 
 fn irregular(event: &Event, odd: &Irregularity, is_early: bool, context: &mut Context<'_>) {
     let severity = match odd.what {
-        IrregularityKind::Gap => Severity::Warning,
+        // What a gap comes to the end of the message tells.
+        IrregularityKind::Gap => return,
         IrregularityKind::Unexpected if is_early => return,
         _ => Severity::Note,
     };
@@ -69,11 +70,8 @@ fn irregular(event: &Event, odd: &Irregularity, is_early: bool, context: &mut Co
     };
     let alarm = context.fail(event).about(About::Name(path.into())).severity(severity);
     let message = odd.message;
-    alarm.say(|| match (odd.what, odd.packet, odd.expected) {
-        (IrregularityKind::Gap, Some(number), Some(due)) => {
-            format!("{message} with number {number} where {due} was due")
-        }
-        (IrregularityKind::Duplicate, Some(number), _) => {
+    alarm.say(|| match (odd.what, odd.packet) {
+        (IrregularityKind::Duplicate, Some(number)) => {
             format!("{message} with number {number} came twice")
         }
         _ => format!("{message} that no message explains"),

@@ -1,15 +1,21 @@
 //! The general rules: one file each.
 
+mod access_type;
 mod address_contention;
 mod bus_health;
 mod calibration;
 mod cannot_claim;
+mod cob_id_mismatch;
+mod cob_id_restricted;
 mod command_gap;
 mod commands_per_sync;
 mod config_lost;
 mod dm1_period;
+mod duplicate_node_id;
+mod duplicate_producer;
 mod eeprom_wear;
 mod emcy_raised;
+mod facts;
 mod fault_reset_without_edge;
 mod guard_late;
 mod identity_move;
@@ -19,8 +25,20 @@ mod mapping_procedure;
 mod mode_change_refused_or_ignored;
 mod node_lost;
 mod not_following;
+mod pdo_long;
+mod pdo_outside_operational;
+mod pdo_short;
+mod read_back;
 mod request_unanswered;
+mod sdo_abort_code;
+mod sdo_block_crc;
+mod sdo_block_sequence;
+mod sdo_download_refused;
 mod sdo_no_response;
+mod sdo_situation;
+mod sdo_size;
+mod sdo_toggle;
+mod sdo_upload_refused;
 mod setpoint_not_effective;
 mod spn_not_available;
 mod state_lost;
@@ -48,6 +66,8 @@ macro_rules! entry {
 /// All of them, in the order they are asked: those that explain others before those.
 pub static REGISTRY: &[Entry] = &[
     entry!(bus_health),
+    entry!(duplicate_node_id),
+    entry!(duplicate_producer),
     entry!(node_lost),
     entry!(unexpected_boot),
     entry!(emcy_raised),
@@ -79,4 +99,18 @@ pub static REGISTRY: &[Entry] = &[
     entry!(uds_negative),
     entry!(spn_not_available),
     entry!(malformed_message),
+    entry!(sdo_download_refused),
+    entry!(sdo_abort_code),
+    entry!(sdo_block_crc),
+    entry!(sdo_block_sequence),
+    entry!(sdo_size),
+    entry!(sdo_toggle),
+    entry!(sdo_upload_refused),
+    entry!(access_type),
+    entry!(read_back),
+    entry!(cob_id_mismatch),
+    entry!(cob_id_restricted),
+    entry!(pdo_outside_operational),
+    entry!(pdo_short),
+    entry!(pdo_long),
 ];

@@ -155,17 +155,17 @@ impl TransportViolation {
     fn irregular(&self, event: &Event, odd: &Irregularity, context: &mut Context<'_>) {
         let is_early = context.now.saturating_sub(self.began) < self.grace;
         let severity = match odd.what {
+            // What a gap comes to the end of the transfer tells.
+            IrregularityKind::Gap => return,
             IrregularityKind::Unexpected if is_early => return,
             IrregularityKind::Unexpected => Severity::Warning,
-            // What a gap comes to the end of the transfer tells.
-            _ => Severity::Note,
+            IrregularityKind::Duplicate | IrregularityKind::Retransmission | IrregularityKind::Late => {
+                Severity::Note
+            }
         };
         let message = odd.message;
         let alarm = context.fail(event).about(about(odd.pgn)).severity(severity);
         alarm.say(|| match (odd.what, odd.packet, odd.expected, odd.timer.zip(odd.delay)) {
-            (IrregularityKind::Gap, Some(packet), Some(due), _) => {
-                format!("packet {packet} came where {due} was due")
-            }
             (IrregularityKind::Duplicate, Some(packet), ..) => format!("packet {packet} came twice"),
             (IrregularityKind::Retransmission, _, Some(from), _) => {
                 format!("packets are asked for again from {from} on")
