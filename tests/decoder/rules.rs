@@ -2,7 +2,7 @@
 //! finding may come.
 //!
 //! ```text
-//! #! --node 5=wandfluh-md2:amplifier     what is known beside the capture; --protocol canopen
+//! #! --node 5=wandfluh-md2:amplifier     what is known beside the capture; --protocol canopen; --dbc dbc/signals.dbc
 //! #| [node.5]                            lines of a bus file
 //! (1700000000.000000) can0 705#05
 //! #~ node-lost node=5 severity=error     a finding that opens at the frame above (or a deadline before it)
@@ -23,6 +23,7 @@ use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::finding::Findings;
 use cobscope_decoder::profile::Catalogue;
+use cobscope_decoder::profile::dbc::{self, Database};
 use cobscope_decoder::rules::{Engine, HEADINGS, Judge, Setup, declarations, section};
 use cobscope_decoder::session::{AssignedBy, Assignment, Bus, ProtocolChoice, SessionOptions};
 
@@ -102,6 +103,12 @@ fn option(text: &str, options: &mut SessionOptions, catalogue: &mut Catalogue) {
             let device = catalogue.device(profile).unwrap();
             let node = node.parse().unwrap();
             options.assignments.push(Assignment { bus: None, node, device, by: AssignedBy::Option });
+        }
+        ["--dbc", file] => {
+            let text = fs::read(workspace().join("fixtures").join(file)).unwrap();
+            let mut database = Database::default();
+            database.add(dbc::parse(&text).unwrap());
+            options.database = Arc::new(database);
         }
         ["--protocol", "canopen"] => options.protocol = ProtocolChoice::Canopen,
         _ => panic!("no option of a fixture: {text}"),

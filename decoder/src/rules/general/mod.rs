@@ -1,12 +1,16 @@
 //! The general rules: one file each.
 
 mod access_type;
+mod address_contention;
+mod bus_health;
 mod calibration;
+mod cannot_claim;
 mod cob_id_mismatch;
 mod cob_id_restricted;
 mod command_gap;
 mod commands_per_sync;
 mod config_lost;
+mod dm1_period;
 mod duplicate_node_id;
 mod duplicate_producer;
 mod eeprom_wear;
@@ -14,6 +18,9 @@ mod emcy_raised;
 mod facts;
 mod fault_reset_without_edge;
 mod guard_late;
+mod identity_move;
+mod isotp_violation;
+mod malformed_message;
 mod mapping_procedure;
 mod mode_change_refused_or_ignored;
 mod node_lost;
@@ -22,6 +29,7 @@ mod pdo_long;
 mod pdo_outside_operational;
 mod pdo_short;
 mod read_back;
+mod request_unanswered;
 mod sdo_abort_code;
 mod sdo_block_crc;
 mod sdo_block_sequence;
@@ -32,8 +40,13 @@ mod sdo_size;
 mod sdo_toggle;
 mod sdo_upload_refused;
 mod setpoint_not_effective;
+mod spn_not_available;
 mod state_lost;
 mod sync_period;
+mod transport_violation;
+mod trouble_code;
+mod uds_negative;
+mod uds_no_response;
 mod unexpected_boot;
 mod unsaved_change;
 mod value_out_of_range;
@@ -52,6 +65,7 @@ macro_rules! entry {
 
 /// All of them, in the order they are asked: those that explain others before those.
 pub static REGISTRY: &[Entry] = &[
+    entry!(bus_health),
     entry!(duplicate_node_id),
     entry!(duplicate_producer),
     entry!(node_lost),
@@ -73,6 +87,18 @@ pub static REGISTRY: &[Entry] = &[
     entry!(eeprom_wear),
     entry!(value_out_of_range),
     entry!(unsaved_change),
+    entry!(address_contention),
+    entry!(cannot_claim),
+    entry!(identity_move),
+    entry!(trouble_code),
+    entry!(dm1_period),
+    entry!(transport_violation),
+    entry!(isotp_violation),
+    entry!(request_unanswered),
+    entry!(uds_no_response),
+    entry!(uds_negative),
+    entry!(spn_not_available),
+    entry!(malformed_message),
     entry!(sdo_download_refused),
     entry!(sdo_abort_code),
     entry!(sdo_block_crc),
