@@ -16,13 +16,14 @@ use std::fs::File;
 use std::hint::black_box;
 use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use cobscope_decoder::capture::{Batch, ReadOptions, Reader};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::profile::{Catalogue, ProfileError};
+use cobscope_decoder::rules::{Engine as Judging, Judge};
 use cobscope_decoder::session::{AssignedBy, Assignment, Bus, Observer, SessionOptions};
 use cobscope_decoder::sink::jsonl::Jsonl;
 use cobscope_decoder::sink::text::{Text, TextOptions};
@@ -59,18 +60,22 @@ struct Stage {
     times: Vec<Duration>,
 }
 
-const STAGES: [(&str, Run); 17] = [
+const STAGES: [(&str, Run); 21] = [
     ("newline count", |captures| count_newlines(&captures.normal)),
     ("candump, frames only", |captures| read(&captures.normal)),
     ("candump to events", |captures| decode(&captures.normal, &mut ignore)),
+    ("candump to findings", |captures| judge(&captures.normal, SessionOptions::default())),
     ("J1939 to events", |captures| decode(&captures.engine, &mut ignore)),
+    ("J1939 to findings", |captures| judge(&captures.engine, SessionOptions::default())),
     ("candump to JSON Lines", |captures| decode(&captures.normal, &mut ToJsonl(Jsonl::new(output())))),
     ("candump to text", |captures| decode(&captures.normal, &mut to_text())),
     ("known mappings to JSON Lines", |captures| decode(&captures.mapped, &mut ToJsonl(Jsonl::new(output())))),
     ("fault storm to events", |captures| decode(&captures.storm, &mut ignore)),
+    ("fault storm to findings", |captures| judge(&captures.storm, SessionOptions::default())),
     ("fault storm to text", |captures| decode(&captures.storm, &mut to_text())),
     ("devices to events, plain", |captures| decode(&captures.devices, &mut ignore)),
     ("devices to events, profiles", |captures| decode_with(&captures.devices, profiles()?, &mut ignore)),
+    ("devices to findings, profiles", |captures| judge(&captures.devices, profiles()?)),
     ("devices to text, plain", |captures| decode(&captures.devices, &mut to_text())),
     ("devices to text, profiles", |captures| decode_with(&captures.devices, profiles()?, &mut to_text())),
     ("pcap, frames only", |captures| read(&captures.pcap)),
@@ -221,6 +226,23 @@ fn decode_with(path: &Path, options: SessionOptions, out: &mut dyn Observer) -> 
         }
     }
     decoder.finish(reader.buses(), out);
+    Ok(())
+}
+
+/// Decodes and judges by all rules.
+fn judge(path: &Path, options: SessionOptions) -> Outcome {
+    let mut reader = Reader::open(File::open(path)?, &ReadOptions::default())?;
+    let mut decoder = Decoder::new(options);
+    let mut engine = Judging::new(Arc::default());
+    let mut batch = Batch::new();
+    while reader.read(&mut batch)? {
+        for frame in batch.frames() {
+            engine.frame(frame);
+            decoder.push(frame, reader.buses(), &mut Judge { engine: &mut engine, out: &mut ignore });
+        }
+    }
+    decoder.finish(reader.buses(), &mut Judge { engine: &mut engine, out: &mut ignore });
+    black_box(engine.finish(decoder.buses(), &mut ignore));
     Ok(())
 }
 

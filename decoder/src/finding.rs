@@ -13,6 +13,7 @@ use crate::event::FrameRange;
 use crate::frame::{BusIndex, CanId, Timestamp};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
+use crate::wire::canopen::test_marker::TestResult;
 
 /// Occurrences kept of a group at its beginning, and as many of its end.
 pub const KEPT_OCCURRENCES: usize = 5;
@@ -243,12 +244,64 @@ impl Tally {
         }
     }
 
+    /// What came since an earlier count.
+    #[must_use]
+    pub const fn since(self, earlier: Self) -> Self {
+        Self {
+            passed: self.passed.saturating_sub(earlier.passed),
+            failed: self.failed.saturating_sub(earlier.failed),
+            waived: self.waived.saturating_sub(earlier.waived),
+        }
+    }
+
     /// Adds another one.
     pub fn add(&mut self, other: Self) {
         self.passed += other.passed;
         self.failed += other.failed;
         self.waived += other.waived;
     }
+}
+
+/// What a suppression of the bus file came to in a capture.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SuppressionUse {
+    /// What it covers: `node-lost of node 5`.
+    pub what: String,
+    /// The user's reason.
+    pub reason: Arc<str>,
+    /// The day it ran out.
+    pub ended: Option<String>,
+    /// Groups it covers.
+    pub met: usize,
+}
+
+impl SuppressionUse {
+    /// Why the bus file should be looked at: it met nothing, or it ran out.
+    pub fn complaint(&self) -> Option<String> {
+        let Self { what, reason, .. } = self;
+        match &self.ended {
+            Some(day) => Some(format!("suppression of {what} ran out on {day}: {reason}")),
+            None if self.met == 0 => Some(format!("suppression of {what} met nothing: {reason}")),
+            None => None,
+        }
+    }
+}
+
+/// A case of a conformance test that was run: the test tool's verdict and ours.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CaseVerdict {
+    /// `7.101`.
+    pub id: Arc<str>,
+    /// Its subject; empty for a case the plan does not have.
+    pub name: Arc<str>,
+    /// The tool's verdict.
+    pub tool: TestResult,
+    /// The rules that judge it, and how often they judged within it.
+    pub judged: Vec<(Arc<str>, Tally)>,
+    /// Frames from its first mark to its last.
+    pub frames: FrameRange,
+    /// Its beginning was marked; else it is taken to begin behind the mark before.
+    pub has_begin: bool,
 }
 
 /// Everything that was judged of one capture.
@@ -266,8 +319,10 @@ pub struct Findings {
     pub ungrouped: u64,
     /// What limits the verdicts: made-up times, lost frames.
     pub quality: Vec<String>,
-    /// Suppressions of the bus file that met nothing, or ran out: what is said of each.
-    pub suppressions: Vec<String>,
+    /// What the suppressions of the bus file came to, in its order.
+    pub suppressions: Vec<SuppressionUse>,
+    /// Cases of a conformance test that was run, in order.
+    pub conformance: Vec<CaseVerdict>,
     /// Events judged.
     pub events: u64,
 }

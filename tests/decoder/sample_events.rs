@@ -23,6 +23,7 @@ use cobscope_decoder::wire::Malformed;
 use cobscope_decoder::wire::canopen::emcy::ByteOrder;
 use cobscope_decoder::wire::canopen::lss::Content;
 use cobscope_decoder::wire::canopen::nmt::NmtService;
+use cobscope_decoder::wire::canopen::test_marker::{TestMarker, TestResult};
 use cobscope_decoder::wire::canopen::{NmtState, ObjectAddress};
 use cobscope_decoder::wire::error_frame;
 use cobscope_decoder::wire::uds::SubFunction;
@@ -574,6 +575,8 @@ fn bus_and_capture() -> Vec<EventKind> {
         EventKind::CanError(error_frame::parse(0x2000_0204, &[0, 4, 0, 0, 0, 0, 96, 128])),
         EventKind::Frame(Undecoded { frame, name: Some("dynamic SDO request"), message: None }),
         described(),
+        EventKind::TestCase(TestMarker { group: 7, case: 101, result: Some(TestResult::Skipped) }),
+        EventKind::TestCase(TestMarker { group: 7, case: 101, result: None }),
         EventKind::Malformed { error, reason: "too short" },
         EventKind::Evicted { what: "object", count: 1 },
         EventKind::ClockStep { step: -1_000_000 },

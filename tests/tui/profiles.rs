@@ -96,14 +96,15 @@ fn lines_of_the_manuals_worked_out_by_hand() {
             "rexroth-sydfec",
             "  8102  life guarding: master silent, register 10 (communication) → NMT pre-operational  [12, 14.3.1.1]",
         ),
-        ("rexroth-sydfec", "  transducer-1,3,4-type-pre-operational: "),
+        ("rexroth-sydfec", "  transducer-range-pre-operational: "),
         // Eight channels, 800h apart; a set point is % of 16384; R with H moves FAULT HOLD to HOLD.
         (
             "wandfluh-md2",
             "  6300:01…9B00:01  Spool set point 1…8, INTEGER16 rw, % = raw × 100 / 16384, -100.0 to 100.0 %, default 0.0 %, ×8,",
         ),
         ("wandfluh-md2", "  FAULT HOLD → HOLD: control & 0A = 0A, bit 3 0→1; send 03, then 0B"),
-        ("wandfluh-md2", "  control-mode-1…8-only-when-off: "),
+        ("wandfluh-md2", "  control-mode-only-when-off: "),
+        ("wandfluh-md2", "  tpdo1…4-answers-rpdo1…4: "),
         // 1018 tells it; EMCY 0000 at boot.
         ("danfoss-pve-ci", "  recognised by: 1018:01 = 01000019, 1018:02 = 53360000"),
         ("danfoss-pve-ci", "  starts with: a boot-up message, and EMCY 0000  "),

@@ -33,6 +33,7 @@ use crate::profile::Effect;
 use crate::profile::dbc::DatabaseMessage;
 use crate::wire::canopen::lss::Content;
 use crate::wire::canopen::nmt::NmtService;
+use crate::wire::canopen::test_marker::TestMarker;
 use crate::wire::canopen::{NmtState, ObjectAddress};
 use crate::wire::error_frame::ErrorFrame;
 use crate::wire::{Malformed, NodeId};
@@ -167,6 +168,8 @@ pub enum EventKind {
     FindingClosed(Box<FindingNews>),
     /// The controller's report of an error.
     CanError(ErrorFrame),
+    /// CiA's conformance test tool begins or ends a case.
+    TestCase(TestMarker),
     /// A frame nothing more is known of; `name` where its service is named.
     Frame(Undecoded),
     /// Bytes too few for their service, or a command that does not exist.
@@ -255,6 +258,7 @@ impl EventKind {
             Self::FindingOpened(_) => "finding-opened",
             Self::FindingClosed(_) => "finding-closed",
             Self::CanError(_) => "can-error",
+            Self::TestCase(_) => "test-case",
             Self::Frame(_) => "frame",
             Self::Malformed { .. } => "malformed",
             Self::Evicted { .. } => "evicted",

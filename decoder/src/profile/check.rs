@@ -2,6 +2,7 @@
 //!
 //! Samples are run by `samples.rs`, which knows the decoder.
 
+mod rules;
 mod uds;
 
 use std::collections::BTreeSet;
@@ -30,7 +31,7 @@ const LAST_PGN: u32 = 0x3_FFFF;
 /// Most entries of a profile, repeats counted: more than four times what CiA 301 describes.
 const MOST_ENTRIES: usize = 1 << 20;
 
-/// Most machines, gates or procedures of a device, repeats counted.
+/// Most machines, gates, procedures or rules of a device, repeats counted.
 const MOST_REPEATS: usize = 512;
 
 /// Everything wrong with one variant of a device; `text` is the profile's.
@@ -48,6 +49,7 @@ pub fn check(text: &str, file: &ProfileFile, device: &Device) -> Vec<TextError> 
     check.cycles(device.dictionary.own());
     check.pdos();
     check.behaviour();
+    check.rules();
     check.uds();
     check.wrong.sort_by_key(|(span, _)| span.start);
     check.wrong.dedup();
@@ -304,14 +306,14 @@ impl Check<'_> {
         }
     }
 
-    /// Machines, gates and procedures are kept one by one.
+    /// Machines, gates, procedures and rules are kept one by one.
     fn repeats(&mut self) {
         let places = &self.device.places;
-        let lists = [&places.machines, &places.gates, &places.procedures];
+        let lists = [&places.machines, &places.gates, &places.procedures, &places.rules];
         for span in lists.into_iter().filter_map(|list| list.get(MOST_REPEATS).cloned()) {
             self.say(
                 &span,
-                format!("machines, gates and procedures repeat {MOST_REPEATS} times in all at most"),
+                format!("machines, gates, procedures and rules repeat {MOST_REPEATS} times in all at most"),
             );
         }
     }
@@ -327,14 +329,7 @@ impl Check<'_> {
             gate.open.0.iter().for_each(|open| self.condition(open, span));
         }
         for (procedure, span) in device.procedures.iter().zip(&device.places.procedures) {
-            let triggers = [
-                Some(&procedure.start),
-                procedure.stop.as_ref(),
-                procedure.end.as_ref(),
-                procedure.also_end.as_ref(),
-            ];
-            let steps = procedure.steps.iter().map(|step| &step.on);
-            triggers.into_iter().flatten().chain(steps).for_each(|trigger| self.trigger(trigger, span));
+            procedure.triggers().for_each(|trigger| self.trigger(trigger, span));
             if let Some(status) = &procedure.status {
                 self.known(status.object, span, "status");
                 if !device.codes.contains_key(&status.codes) {
@@ -342,15 +337,6 @@ impl Check<'_> {
                 }
             }
             procedure.needs.iter().for_each(|need| self.condition(need, span));
-        }
-        for (rule, span) in device.rules.iter().zip(&device.places.rules) {
-            if let Some(missing) = rule.missing() {
-                self.say(span, format!("a rule of this kind needs {missing}"));
-            }
-            for trigger in [&rule.on, &rule.then, &rule.before].into_iter().flatten() {
-                self.trigger(trigger, span);
-            }
-            rule.needs.0.iter().chain(&rule.during.0).for_each(|need| self.condition(need, span));
         }
     }
 
@@ -368,7 +354,10 @@ impl Check<'_> {
 
     fn condition(&mut self, condition: &Condition, span: &Range<usize>) {
         match condition {
-            Condition::Object { object, .. } => self.known(*object, span, "open"),
+            Condition::Object { object, .. } | Condition::Inside { object, .. } => {
+                self.known(*object, span, "condition");
+            }
+            Condition::Other(all) => all.0.iter().for_each(|one| self.condition(one, span)),
             Condition::State(states) => self.states(states, span),
             _ => {}
         }
@@ -453,7 +442,7 @@ mod tests {
     use super::*;
 
     /// Errors of a profile that extends CiA 301, without file name and excerpt.
-    fn errors(body: &str) -> Vec<String> {
+    pub(super) fn errors(body: &str) -> Vec<String> {
         let text = format!("id = \"x\"\n{body}");
         let file = ProfileFile::parse(&text).unwrap();
         let device = file.device(None, &[super::super::plain_device().clone()]);
@@ -537,13 +526,11 @@ mod tests {
     }
 
     #[test]
-    fn machines_rules_and_procedures_name_what_there_is() {
+    fn machines_and_procedures_name_what_there_is() {
         let machine = "[[machine]]\nname = \"m\"\nstatus = { object = \"1001:00\", mask = 1 }\n\
             control = { object = \"1001:00\", mask = 1 }\nstates = [{ name = \"A\", value = 0 }]\n\
             transitions = [{ from = \"A\", to = \"B\", mask = 1, value = 1 }]\n";
         assert_eq!(errors(machine), ["2: machine m has no state 'B'"]);
-        let rule = "[[rule]]\nname = \"r\"\nseverity = \"error\"\nkind = \"limit\"\ntext = \"t\"\nobject = \"1001:00\"\n";
-        assert_eq!(errors(rule), ["2: a rule of this kind needs object, and range or limits"]);
         let procedure = "[[procedure]]\nname = \"p\"\nstart = { write = \"1001:00\" }\n\
             status = { object = \"1001:00\", codes = \"none\" }\n";
         assert_eq!(errors(procedure), ["2: there is no table [codes.none]"]);

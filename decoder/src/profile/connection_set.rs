@@ -31,6 +31,8 @@ pub enum Owner {
     ErrorControl(u8),
     /// LSS; `true` = from the master.
     Lss(bool),
+    /// Marks of CiA's conformance test tool.
+    TestMarker,
 }
 
 /// Owners of all 2,048 identifiers.
@@ -99,6 +101,7 @@ fn owner(cob: &Cob, node: u8) -> Owner {
         "rpdo" => pdo(PdoDirection::Receive),
         "sdo" => Owner::Sdo(if cob.side == "client" { Side::Client } else { Side::Server }, node),
         "error-control" => Owner::ErrorControl(node),
+        "test-marker" => Owner::TestMarker,
         "lss" => Owner::Lss(cob.side == "master"),
         other => Owner::Named(other.to_owned().leak()),
     }

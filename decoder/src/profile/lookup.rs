@@ -291,6 +291,11 @@ impl LssNames {
         self.service.iter().find(|entry| entry.code == code).map_or("unknown", |entry| &entry.name)
     }
 
+    /// Whether there is a service of that name.
+    pub fn has(&self, name: &str) -> bool {
+        self.service.iter().any(|entry| entry.name == name)
+    }
+
     /// Key of the number a command specifier carries.
     pub fn number_key(&self, code: u8) -> &str {
         let service = self.service.iter().find(|entry| entry.code == code);

@@ -115,7 +115,9 @@ impl TryFrom<String> for ObjectRange {
 
     fn try_from(text: String) -> Result<Self, String> {
         let (first, last) = text.split_once("..").unwrap_or((&text, &text));
-        let (first, last): (Reference, Reference) = (first.trim().parse()?, last.trim().parse()?);
+        let (mut first, last): (Reference, Reference) = (first.trim().parse()?, last.trim().parse()?);
+        // What is said behind the last one holds for both ends.
+        first.step = first.step.or(last.step);
         if last.object < first.object {
             return Err(format!("'{text}' ends before it begins"));
         }
@@ -149,6 +151,8 @@ mod tests {
         let range = ObjectRange::try_from("1000:00..1FFF:FF".to_owned()).unwrap();
         assert!(range.covers(ObjectAddress::new(0x1FFF, 0), 0, 0));
         assert!(!range.covers(ObjectAddress::new(0x2000, 0), 0, 0));
+        let fixed = ObjectRange::try_from("1600:00..1607:FF fixed".to_owned()).unwrap();
+        assert!(fixed.covers(ObjectAddress::new(0x1600, 0), 3, 0x800));
         assert!(ObjectRange::try_from("2000:00..1000:00".to_owned()).is_err());
         let bit = BitReference::try_from("5038:00/1".to_owned()).unwrap();
         assert_eq!((bit.object.object.to_string().as_str(), bit.bit), ("5038:00", 1));

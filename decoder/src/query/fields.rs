@@ -259,7 +259,7 @@ mod tests {
         let keys = |name| resolve(name).iter().map(|target| target.field.key.clone()).collect::<Vec<_>>();
         assert_eq!(keys("canopen.node_id"), ["node"]);
         assert_eq!(keys("can.id"), ["cob_id", "cob_ids", "id", "ids", "ids"]);
-        assert_eq!(keys("canopen.sdo.main_idx"), ["object", "object", "object"]);
+        assert_eq!(keys("canopen.sdo.main_idx"), ["object"; 4]);
         assert!(keys("canopen.nod_id").is_empty());
     }
 

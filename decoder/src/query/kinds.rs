@@ -5,7 +5,7 @@ use serde::de::{Deserialize, Deserializer, Error as _};
 use crate::event::EventKind;
 
 /// How many kinds of events there are.
-pub const KIND_COUNT: usize = 45;
+pub const KIND_COUNT: usize = 46;
 
 /// Names of all kinds; a kind's place here is its number in a [`KindSet`].
 const NAMES: [&str; KIND_COUNT] = [
@@ -54,6 +54,7 @@ const NAMES: [&str; KIND_COUNT] = [
     "uds-exchange",
     "finding-opened",
     "finding-closed",
+    "test-case",
 ];
 
 /// Place in [`NAMES`]. A new kind does not compile before it has one.
@@ -104,6 +105,7 @@ const fn number(kind: &EventKind) -> u32 {
         EventKind::UdsExchange(_) => 42,
         EventKind::FindingOpened(_) => 43,
         EventKind::FindingClosed(_) => 44,
+        EventKind::TestCase(_) => 45,
     }
 }
 

@@ -5,6 +5,7 @@ use std::collections::BinaryHeap;
 use std::sync::Arc;
 
 use super::ledger::{Claim, Ledger, occurrence};
+use super::meter::Meter;
 use super::traffic::Traffic;
 use crate::event::{Certainty, Event, FrameRange};
 use crate::finding::{About, Key, Occurrence, Severity};
@@ -28,6 +29,8 @@ pub struct Context<'a> {
     pub has_time: bool,
     /// PDOs by identifier.
     pub traffic: &'a Traffic,
+    /// Frames in all.
+    pub meter: &'a Meter,
     /// A conformance test marks its cases on this bus: what it asks for that must be refused is deliberate.
     pub is_tested: bool,
     /// Silences left out so far, in nanoseconds.
@@ -72,6 +75,11 @@ impl<'a> Context<'a> {
             _ => !self.bus.is_canopen(),
         };
         Alarm::new(self, node, occurrence(time, frames), is_presumed)
+    }
+
+    /// Why a rule had nothing to judge: said at the end where it had nothing on any bus.
+    pub(super) fn unexercised(&mut self, why: String) {
+        self.ledger.unexercised(self.rule, why);
     }
 
     /// An ongoing finding is over.
@@ -154,9 +162,21 @@ impl<'b, 'a> Alarm<'b, 'a> {
         self
     }
 
+    /// Its protocol is presumed only, or is not.
+    pub fn presumed(mut self, is_presumed: bool) -> Self {
+        self.is_presumed = is_presumed;
+        self
+    }
+
     /// Other frames than the event's.
     pub fn frames(mut self, frames: FrameRange) -> Self {
         self.at.frames = frames;
+        self
+    }
+
+    /// It is about the bus itself, whatever its protocol.
+    pub fn certain(mut self) -> Self {
+        self.is_presumed = false;
         self
     }
 

@@ -6,14 +6,17 @@ use std::sync::Arc;
 use foldhash::fast::FixedState;
 
 use super::causes::{Effect, Explained, causes};
+use super::conformance::{Run, Standing};
 use super::setup::Setup;
 use crate::event::{FindingNews, FrameRange};
 use crate::finding::{
     About, Cause, Findings, GROUP_LIMIT, Group, KEPT_OCCURRENCES, Key, Occurrence, RuleInfo, Severity, Tally,
+    Verdict,
 };
 use crate::frame::{BusIndex, Timestamp};
 use crate::session::Bus;
 use crate::wire::NodeId;
+use crate::wire::canopen::test_marker::TestMarker;
 
 /// A finding that does not come again for so long is closed, in nanoseconds.
 pub(super) const QUIET: i64 = 5_000_000_000;
@@ -79,7 +82,11 @@ pub(super) struct Ledger {
     /// When a kind of event was seen last on a bus.
     kinds: HashMap<(&'static str, BusIndex), i64, FixedState>,
     ungrouped: u64,
+    /// The conformance test that is being run.
+    run: Run,
     pub(super) news: Vec<News>,
+    /// Why rules had nothing to judge.
+    unexercised: Vec<(u16, String)>,
 }
 
 impl Ledger {
@@ -96,7 +103,9 @@ impl Ledger {
             latest: HashMap::default(),
             kinds: HashMap::default(),
             ungrouped: 0,
+            run: Run::default(),
             news: Vec::new(),
+            unexercised: Vec::new(),
         }
     }
 
@@ -107,9 +116,33 @@ impl Ledger {
         }
     }
 
+    /// Takes note of why a rule had nothing to judge; said of the first bus that says so.
+    pub(super) fn unexercised(&mut self, rule: u16, why: String) {
+        if !self.unexercised.iter().any(|(known, _)| *known == rule) {
+            self.unexercised.push((rule, why));
+        }
+    }
+
+    /// What is said of rules that had nothing to judge.
+    fn say_unexercised(&self, quality: &mut Vec<String>) {
+        for (rule, why) in &self.unexercised {
+            let place = usize::from(*rule);
+            if let (Some(info), Some(tally)) = (self.rules.get(place), self.tallies.get(place))
+                && tally.verdict() == Verdict::NotExercised
+            {
+                quality.push(format!("{} is not exercised: {why}", info.name));
+            }
+        }
+    }
+
     pub(super) fn judge_case(&mut self, case: &'static str, failed: bool) {
         let tally = self.cases.entry(case.into()).or_default();
         if failed { tally.failed += 1 } else { tally.passed += 1 }
+    }
+
+    /// The test tool begins or ends a case.
+    pub(super) fn mark(&mut self, marker: TestMarker, frame: u64) {
+        self.run.mark(marker, frame, &self.rules, &self.tallies);
     }
 
     pub(super) fn waive(&mut self, rule: u16) {
@@ -130,6 +163,11 @@ impl Ledger {
         names: (&Arc<str>, Option<&str>),
         text: impl FnOnce() -> String,
     ) -> Option<usize> {
+        let rule = self.rules.get(usize::from(claim.key.rule));
+        let standing = rule.map_or(Standing::Judged, |rule| self.run.standing(&rule.name));
+        if standing == Standing::Fact {
+            return None;
+        }
         if let Some(tally) = self.tallies.get_mut(usize::from(claim.key.rule)) {
             tally.failed += 1;
         }
@@ -219,10 +257,15 @@ impl Ledger {
         let configured = self.setup.severity(&rule.name);
         let mut severity = configured.unwrap_or(claim.severity.unwrap_or(rule.severity));
         let mut reason = None;
-        let explained = opens.then(|| self.explanation(&rule.name, claim)).flatten();
+        let explained = opens.then(|| self.explanation(rule, claim)).flatten();
         if let Some(Explained { effect: Effect::Quality, by: Cause::Quality(text) }) = &explained {
             severity = Severity::Note;
             reason = Some(format!("{text} may explain it"));
+        }
+        if self.run.standing(&rule.name) == Standing::Beside {
+            severity = Severity::Note;
+            let case = self.run.case().unwrap_or_default();
+            reason.get_or_insert_with(|| format!("within conformance test {case}, which is not about it"));
         }
         if claim.is_presumed {
             severity = severity.lowered();
@@ -267,7 +310,7 @@ impl Ledger {
     }
 
     /// What explains a finding of this rule.
-    fn explanation(&self, rule: &str, claim: &Claim) -> Option<Explained> {
+    fn explanation(&self, rule: &RuleInfo, claim: &Claim) -> Option<Explained> {
         for cause in causes().of(rule) {
             let from = claim.now.saturating_sub(cause.within);
             if let Some(seen) = self.kinds.get(&(cause.by.as_str(), claim.key.bus))
@@ -367,8 +410,9 @@ impl Ledger {
     }
 
     /// Everything judged; of rules that judge times nothing where `is_timed` says so.
-    pub(super) fn into_findings(mut self, is_timed: bool, quality: Vec<String>, events: u64) -> Findings {
+    pub(super) fn into_findings(mut self, is_timed: bool, mut quality: Vec<String>, events: u64) -> Findings {
         self.link_late_causes();
+        self.say_unexercised(&mut quality);
         if !is_timed {
             let judges_time =
                 |rule: u16| self.rules.get(usize::from(rule)).is_some_and(|rule| rule.is_timing);
@@ -388,7 +432,8 @@ impl Ledger {
                 cases.entry(Arc::clone(case)).or_default().add(*tally);
             }
         }
-        let suppressions = self.setup.unused(&self.groups);
+        let suppressions = self.setup.uses(&self.groups);
+        let conformance = self.run.into_verdicts(is_timed, &self.rules);
         Findings {
             rules: self.rules,
             tallies: self.tallies,
@@ -397,6 +442,7 @@ impl Ledger {
             ungrouped: self.ungrouped,
             quality,
             suppressions,
+            conformance,
             events,
         }
     }
@@ -405,7 +451,8 @@ impl Ledger {
     fn link_late_causes(&mut self) {
         let mut links = Vec::new();
         for (place, group) in self.groups.iter().enumerate().filter(|(_, group)| group.cause.is_none()) {
-            for cause in causes().of(&group.rule).filter(|cause| cause.effect != Effect::Quality) {
+            let Some(rule) = self.rules.get(usize::from(group.key.rule)) else { continue };
+            for cause in causes().of(rule).filter(|cause| cause.effect != Effect::Quality) {
                 let found = self.latest_of(&cause.by, group, cause.is_on_node).filter(|by| {
                     by.id != group.id && near(group.began().time, by.began().time, cause.within)
                 });

@@ -10,11 +10,15 @@
 
 mod abort_codes;
 mod causes;
+pub mod conformance;
 mod context;
 mod declaration;
 mod engine;
+mod expectation;
 mod general;
 mod ledger;
+mod machines;
+mod meter;
 mod nodes;
 mod setup;
 mod traffic;
@@ -22,7 +26,9 @@ mod traffic;
 pub use context::{Alarm, Context};
 pub use declaration::{Declaration, HEADINGS, Tolerance, section};
 pub use engine::{Engine, Judge};
+pub use expectation::Expectation;
 pub use general::REGISTRY;
+pub use meter::{Meter, Second};
 pub use nodes::{NodeMap, NodeSet};
 pub use setup::Setup;
 pub use traffic::{PdoSlot, Traffic};
@@ -31,6 +37,9 @@ use crate::event::Event;
 
 /// Judges the events of one bus.
 pub trait Rule {
+    /// Called before the first event.
+    fn begin(&mut self, _context: &mut Context<'_>) {}
+
     /// An event of one of the kinds it declared.
     fn event(&mut self, event: &Event, context: &mut Context<'_>);
 

@@ -151,6 +151,7 @@ impl Bus {
             Service::Nmt => self.on_nmt(frame, out),
             Service::Time => self.on_time(frame, out),
             Service::Lss(from_master) => self.on_lss(from_master, frame, out),
+            Service::TestMarker => self.on_test_marker(frame, out),
             Service::IsoTp(link) => self.on_isotp(link, frame, out),
             Service::Pdo(..) | Service::J1939(_) | Service::Unclassified | Service::Named(_) => {}
         }
@@ -175,8 +176,7 @@ impl Bus {
     /// Lets time pass to `stamp` without a frame: a live bus that is quiet.
     pub fn advance(&mut self, stamp: Timestamp, out: &mut dyn Observer) {
         if self.clock.runs() {
-            let number = self.last_frame;
-            self.tick(stamp, number, out);
+            self.pass(stamp, out);
         }
     }
 
@@ -223,6 +223,7 @@ impl Bus {
             },
             Owner::ErrorControl(node) => Service::ErrorControl(node.into()),
             Owner::Lss(from_master) => Service::Lss(from_master),
+            Owner::TestMarker => Service::TestMarker,
         }
     }
 

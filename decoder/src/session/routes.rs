@@ -37,6 +37,8 @@ pub(super) enum Service {
     ErrorControl(NodeId),
     /// LSS; `true` = from the master.
     Lss(bool),
+    /// Marks of CiA's conformance test tool.
+    TestMarker,
     /// A J1939 message.
     J1939(J1939Id),
     /// ISO-TP between two ends.

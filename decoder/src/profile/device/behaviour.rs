@@ -482,6 +482,12 @@ impl StatusCodes {
 }
 
 impl Procedure {
+    /// All it waits for.
+    pub fn triggers(&self) -> impl Iterator<Item = &Trigger> {
+        let ends = [Some(&self.start), self.stop.as_ref(), self.end.as_ref(), self.also_end.as_ref()];
+        ends.into_iter().flatten().chain(self.steps.iter().map(|step| &step.on))
+    }
+
     pub(super) fn pinned(&self, nth: u16) -> Self {
         let stride = self.repeat.stride;
         let trigger = |trigger: &Option<Trigger>| trigger.as_ref().map(|it| it.pinned(nth, stride));

@@ -4,8 +4,8 @@ use serde::Deserialize;
 
 use super::network::NmtName;
 use crate::profile::layout::PdoName;
-use crate::profile::object::{Numbers, OneOrMany};
-use crate::profile::reference::{BitReference, Reference};
+use crate::profile::object::{Numbers, OneOrMany, tables};
+use crate::profile::reference::{BitReference, ObjectRange, Reference};
 
 /// Something that holds or not.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -24,6 +24,13 @@ pub enum Condition {
         /// Whether it must be none of them.
         negated: bool,
     },
+    /// An object's raw value lies between two, both included.
+    Inside {
+        /// The object.
+        object: Reference,
+        /// Least and most.
+        range: [i64; 2],
+    },
     /// The state the device reports is one of these.
     State(Vec<String>),
     /// SYNC with the node's own identifier comes.
@@ -36,6 +43,12 @@ pub enum Condition {
     Younger(u32),
     /// The bus never shows it.
     Invisible,
+    /// One other node of the bus with the same profile, in whatever variant, meets all of these; in rules only.
+    /// Fails when each such node is known not to, and when there is none; otherwise it is unknown.
+    Other(Conditions),
+    /// No other CANopen node of the bus sent a boot-up, heartbeat, guard reply, EMCY, SDO response or TPDO within
+    /// the last ten seconds; in rules only. Never unknown.
+    Alone,
 }
 
 #[derive(Deserialize)]
@@ -45,6 +58,7 @@ struct ConditionKeys {
     object: Option<Reference>,
     equals: Option<Numbers>,
     not: Option<Numbers>,
+    range: Option<[i64; 2]>,
     mask: Option<u64>,
     state: Option<OneOrMany<String>>,
     sync: Option<bool>,
@@ -52,38 +66,45 @@ struct ConditionKeys {
     no_procedure: Option<bool>,
     younger: Option<u32>,
     visible: Option<bool>,
+    other: Option<Conditions>,
+    alone: Option<bool>,
 }
 
 impl TryFrom<ConditionKeys> for Condition {
     type Error = &'static str;
 
     fn try_from(keys: ConditionKeys) -> Result<Self, &'static str> {
-        let object = match (keys.object, keys.equals, keys.not) {
-            (None, None, None) => None,
-            (Some(object), Some(values), None) => Some((object, values, false)),
-            (Some(object), None, Some(values)) => Some((object, values, true)),
-            _ => return Err("a condition on an object needs object and either equals or not"),
+        let mask = keys.mask.unwrap_or(u64::MAX);
+        let object = match (keys.object, keys.equals, keys.not, keys.range) {
+            (None, None, None, None) => None,
+            (Some(object), Some(values), None, None) => {
+                Some(Self::Object { object, mask, values, negated: false })
+            }
+            (Some(object), None, Some(values), None) => {
+                Some(Self::Object { object, mask, values, negated: true })
+            }
+            (Some(object), None, None, Some(range)) if keys.mask.is_none() && range[0] <= range[1] => {
+                Some(Self::Inside { object, range })
+            }
+            _ => return Err("a condition on an object needs object and one of equals, not, range"),
         };
         let all = [
             keys.nmt.map(Self::Nmt),
-            object.map(|(object, values, negated)| Self::Object {
-                object,
-                mask: keys.mask.unwrap_or(u64::MAX),
-                values,
-                negated,
-            }),
+            object,
             keys.state.map(|states| Self::State(states.into_vec())),
             keys.sync.map(|_| Self::Sync),
             keys.no_error.map(|_| Self::NoError),
             keys.no_procedure.map(|_| Self::NoProcedure),
             keys.younger.map(Self::Younger),
             keys.visible.map(|_| Self::Invisible),
+            keys.other.map(Self::Other),
+            keys.alone.map(|_| Self::Alone),
         ];
         let mut given = all.into_iter().flatten();
         match (given.next(), given.next()) {
             (Some(condition), None) => Ok(condition),
             _ => Err(
-                "a condition is exactly one of nmt, object, state, sync, no_error, no_procedure, younger, visible",
+                "a condition is exactly one of nmt, object, state, sync, no_error, no_procedure, younger, visible, other, alone",
             ),
         }
     }
@@ -91,12 +112,14 @@ impl TryFrom<ConditionKeys> for Condition {
 
 /// Conditions that must all hold.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
-#[serde(from = "OneOrMany<Condition>")]
-pub struct Conditions(pub Vec<Condition>);
+#[serde(transparent)]
+pub struct Conditions(#[serde(deserialize_with = "tables")] pub Vec<Condition>);
 
-impl From<OneOrMany<Condition>> for Conditions {
-    fn from(list: OneOrMany<Condition>) -> Self {
-        Self(list.into_vec())
+impl Conditions {
+    /// The same for good, in repeat `nth`.
+    #[must_use]
+    pub fn pinned(&self, nth: u16, stride: u16) -> Self {
+        Self(self.0.iter().map(|condition| condition.pinned(nth, stride)).collect())
     }
 }
 
@@ -136,6 +159,53 @@ pub enum Trigger {
     Emcy(u16),
     /// The node starts.
     Boot,
+    /// A value comes to an object, by PDO, message or SDO; in rules only.
+    Set(SetTrigger),
+    /// An object of a range is written by SDO, each counted for itself; in rules only.
+    Writes(ObjectRange),
+    /// An LSS service; in rules only.
+    Lss(LssTrigger),
+    /// The master asks for the node's state by a remote frame; in rules only.
+    Guard,
+}
+
+/// A value that comes to an object; each time, also when it stays the same.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SetTrigger {
+    /// The object.
+    pub object: Reference,
+    /// Bits that count.
+    pub mask: u64,
+    /// Raw values through the mask; any if none are named.
+    pub values: Option<Numbers>,
+    /// Whether it is none of them.
+    pub negated: bool,
+    /// Only where the value before was seen and was another one.
+    pub changed: bool,
+}
+
+/// An LSS service (CiA 305) on the node's bus: requests name no node, so it counts for all nodes there.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LssTrigger {
+    /// Name of the service.
+    pub service: String,
+    /// The slave's answer, not the master's request.
+    pub answer: bool,
+    /// Byte behind the command specifier: mode, node-ID or result code; any if none is named.
+    pub values: Option<Numbers>,
+}
+
+/// Things that may happen; one is enough.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[serde(transparent)]
+pub struct Triggers(#[serde(deserialize_with = "tables")] pub Vec<Trigger>);
+
+impl Triggers {
+    /// The same for good, in repeat `nth`.
+    #[must_use]
+    pub fn pinned(&self, nth: u16, stride: u16) -> Self {
+        Self(self.0.iter().map(|trigger| trigger.pinned(nth, stride)).collect())
+    }
 }
 
 /// A J1939 message that comes.
@@ -192,18 +262,64 @@ struct TriggerKeys {
     sync: Option<bool>,
     emcy: Option<u16>,
     boot: Option<bool>,
+    set: Option<Reference>,
+    not: Option<Numbers>,
+    mask: Option<u64>,
+    changed: Option<bool>,
+    writes: Option<ObjectRange>,
+    lss: Option<String>,
+    answer: Option<bool>,
+    guard: Option<bool>,
+}
+
+impl TriggerKeys {
+    /// What `set` says.
+    fn set(&self) -> Result<Option<SetTrigger>, &'static str> {
+        let Some(object) = self.set else {
+            let more = self.not.is_some() || self.mask.is_some() || self.changed.is_some();
+            return if more { Err("not, mask and changed go with set") } else { Ok(None) };
+        };
+        let (values, negated) = match (self.numbers()?, &self.not) {
+            (Some(_), Some(_)) => return Err("set takes either equals or not"),
+            (None, Some(values)) => (Some(values.clone()), true),
+            (values, None) => (values, false),
+        };
+        if self.mask.is_some() && values.is_none() {
+            return Err("mask goes with equals or not");
+        }
+        let mask = self.mask.unwrap_or(u64::MAX);
+        Ok(Some(SetTrigger { object, mask, values, negated, changed: self.changed == Some(true) }))
+    }
+
+    /// What `lss` says.
+    fn lss(&self) -> Result<Option<LssTrigger>, &'static str> {
+        let Some(service) = self.lss.clone() else {
+            return if self.answer.is_some() { Err("answer goes with lss") } else { Ok(None) };
+        };
+        Ok(Some(LssTrigger { service, answer: self.answer == Some(true), values: self.numbers()? }))
+    }
+
+    fn numbers(&self) -> Result<Option<Numbers>, &'static str> {
+        match &self.equals {
+            None => Ok(None),
+            Some(Wanted::Numbers(numbers)) => Ok(Some(numbers.clone())),
+            Some(Wanted::Text(_)) => Err("equals is a text with write and read only"),
+        }
+    }
 }
 
 impl TryFrom<TriggerKeys> for Trigger {
     type Error = &'static str;
 
     fn try_from(keys: TriggerKeys) -> Result<Self, &'static str> {
-        if keys.equals.is_some() && keys.write.is_none() && keys.read.is_none() {
-            return Err("equals goes with write or read");
+        let valued = keys.write.is_some() || keys.read.is_some() || keys.set.is_some() || keys.lss.is_some();
+        if keys.equals.is_some() && !valued {
+            return Err("equals goes with write, read, set or lss");
         }
         if keys.bit.is_some() != keys.becomes.is_some() || keys.becomes.is_some_and(|value| value > 1) {
             return Err("bit and becomes = 0 or 1 go together");
         }
+        let (set, lss) = (keys.set()?, keys.lss()?);
         let all = [
             keys.write.map(|object| Self::Write(object, keys.equals.clone())),
             keys.read.map(|object| Self::Read(object, keys.equals)),
@@ -216,12 +332,16 @@ impl TryFrom<TriggerKeys> for Trigger {
             keys.sync.map(|_| Self::Sync),
             keys.emcy.map(Self::Emcy),
             keys.boot.map(|_| Self::Boot),
+            set.map(Self::Set),
+            keys.writes.map(Self::Writes),
+            lss.map(Self::Lss),
+            keys.guard.map(|_| Self::Guard),
         ];
         let mut given = all.into_iter().flatten();
         match (given.next(), given.next()) {
             (Some(trigger), None) => Ok(trigger),
             _ => Err(
-                "a trigger is exactly one of write, read, bit, pdo, message, dtc, nmt, state, sync, emcy, boot",
+                "a trigger is exactly one of write, read, bit, pdo, message, dtc, nmt, state, sync, emcy, boot, set, writes, lss, guard",
             ),
         }
     }
@@ -238,6 +358,11 @@ impl Trigger {
         if let Self::Message(message) = self { message.times } else { 1 }
     }
 
+    /// Whether only rules know it.
+    pub const fn is_of_rules(&self) -> bool {
+        matches!(self, Self::Set(_) | Self::Writes(_) | Self::Lss(_) | Self::Guard)
+    }
+
     /// The same for good, in repeat `nth`.
     #[must_use]
     pub fn pinned(&self, nth: u16, stride: u16) -> Self {
@@ -247,6 +372,8 @@ impl Trigger {
             Self::Bit(bit, becomes) => {
                 Self::Bit(BitReference { object: bit.object.pinned(nth, stride), ..bit }, becomes)
             }
+            Self::Set(set) => Self::Set(SetTrigger { object: set.object.pinned(nth, stride), ..set }),
+            Self::Writes(range) => Self::Writes(range.pinned(nth, stride)),
             other => other,
         }
     }
@@ -260,6 +387,8 @@ impl Condition {
             Self::Object { object, mask, values, negated } => {
                 Self::Object { object: object.pinned(nth, stride), mask, values, negated }
             }
+            Self::Inside { object, range } => Self::Inside { object: object.pinned(nth, stride), range },
+            Self::Other(all) => Self::Other(all.pinned(nth, stride)),
             other => other,
         }
     }

@@ -21,13 +21,15 @@ pub use behaviour::{
     EmcyCodes, Fallback, Forced, Gate, Machine, Mapping, Masked, Otherwise, PdoEffect, PdoField, PdoSpec,
     Procedure, ProcedureStatus, State, StatusCode, StatusCodes, StatusSpec, Step, Transition,
 };
-pub use condition::{Condition, Conditions, MessageTrigger, Trigger, Wanted};
+pub use condition::{
+    Condition, Conditions, LssTrigger, MessageTrigger, SetTrigger, Trigger, Triggers, Wanted,
+};
 pub use j1939::{Direction, J1939Spec, MessageSpec, TroubleCode};
 pub use network::{
     AbortText, Area, AtBoot, Boot, Cleared, EmcySpec, ErrorCode, GuardingSpec, HeartbeatSpec, Hint, Identity,
     IdentityChange, Monitoring, NmtName, NmtSpec, Order, OrderName, Sign, VendorField, Words,
 };
-pub use rule::{DeviceRule, Per, RuleKind, Severity, Waiver};
+pub use rule::{DeviceRule, Per, RuleKind, Severity, Shape, Stretch, Waiver};
 pub use sample::Sample;
 pub use uds::{UdsIdentifier, UdsNrc, UdsSpec};
 
@@ -39,7 +41,7 @@ use super::object::{BitNames, Names, Only};
 use super::position::TextError;
 use crate::wire::canopen::ObjectAddress;
 
-/// Copies of a repeated machine, gate or procedure that are made; `check` wants fewer in all.
+/// Copies of a repeated machine, gate, procedure or rule that are made; `check` wants fewer in all.
 const MOST_COPIES: u16 = 1024;
 
 /// A profile as its file says it.
@@ -318,8 +320,10 @@ impl ProfileFile {
             }
         }
         for rule in file.rule.iter().filter(|rule| rule.get_ref().only.allows(variant)) {
-            device.places.rules.push(rule.span());
-            device.rules.push(rule.get_ref().clone());
+            for nth in 0..rule.get_ref().repeat.count.min(MOST_COPIES) {
+                device.places.rules.push(rule.span());
+                device.rules.push(rule.get_ref().pinned(nth));
+            }
         }
         let samples = file.sample.iter().filter(|sample| sample.get_ref().only.allows(variant));
         device.samples = samples.map(|sample| (sample.span(), sample.get_ref().clone())).collect();

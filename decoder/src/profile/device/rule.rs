@@ -1,10 +1,24 @@
 //! What a capture can violate of a manual, and which general rules a device need not obey.
+//!
+//! What holds for all kinds:
+//! - A rule is judged for each node with the profile by itself; with `repeat` for each channel by itself.
+//! - With `while` it is judged only while all of those conditions are proven. What is unknown proves nothing:
+//!   an object that was not seen, one known only as delivered, an NMT state that is only presumed, a state on its
+//!   way. An object of role `actual` counts for two seconds after the frame that brought it.
+//! - A list of triggers in `on` is judged one by one; of those in `before`, `since`, `after` and `then` one is enough.
+//! - In `on` a write by SDO happens at the server's answer, confirmed or refused: the attempt is what the manual
+//!   speaks of. In all other places only a confirmed one counts. A write without an answer counts nowhere.
+//! - Conditions are those just before `on` took effect; objects in the same PDO or message count as it brings them.
+//! - Times are compared with the granularity of the capture's stamps in the rule's favour, and not at all where
+//!   the capture's times are of no use. `limits` have a tolerance of a thousandth of their span, `range` has none.
+//! - A PDO comes with the identifier in force. While that is only assumed, absence of the PDO proves nothing.
+//! - What never started a rule, or never proved its `while`, leaves it *not exercised*.
 
 use serde::Deserialize;
 
-use super::condition::{Conditions, Trigger};
-use crate::profile::object::{Numbers, Only};
-use crate::profile::reference::Reference;
+use super::condition::{Conditions, Triggers};
+use crate::profile::object::{Numbers, ONCE, Only, Repeat};
+use crate::profile::reference::{ObjectRange, Reference};
 
 /// A statement of the manual that a capture can violate.
 #[derive(Debug, Clone, Deserialize)]
@@ -12,6 +26,9 @@ use crate::profile::reference::Reference;
 pub struct DeviceRule {
     /// Name in kebab-case; printed behind the profile's id.
     pub name: String,
+    /// One a channel, or several alike; references move along. With `channel` a state is that of the channel.
+    #[serde(default = "once")]
+    pub repeat: Repeat,
     /// How bad.
     pub severity: Severity,
     /// What kind of statement; the keys below belong to some.
@@ -20,17 +37,23 @@ pub struct DeviceRule {
     pub text: String,
     /// What it is about.
     #[serde(default)]
-    pub on: Option<Trigger>,
+    pub on: Triggers,
     /// What must follow.
     #[serde(default)]
-    pub then: Option<Trigger>,
+    pub then: Triggers,
     /// What must have been before.
     #[serde(default)]
-    pub before: Option<Trigger>,
+    pub before: Triggers,
+    /// What makes an earlier `before` void; the node's start if none is named.
+    #[serde(default)]
+    pub since: Triggers,
+    /// What `ms` is counted from, where not from the `on` before.
+    #[serde(default)]
+    pub after: Triggers,
     /// Object of a limit.
     #[serde(default)]
     pub object: Option<Reference>,
-    /// Objects whose values rise.
+    /// Objects of a limit, or those whose values rise.
     #[serde(default)]
     pub objects: Vec<Reference>,
     /// Permitted raw values.
@@ -39,16 +62,28 @@ pub struct DeviceRule {
     /// Permitted values in the object's unit.
     #[serde(default)]
     pub limits: Option<[f64; 2]>,
-    /// Forbidden raw values.
+    /// Raw values that are forbidden or permitted.
     #[serde(default)]
     pub values: Option<Numbers>,
+    /// Permitted raw values are multiples of it.
+    #[serde(default)]
+    pub step: Option<u32>,
+    /// Values of neighbours may be equal.
+    #[serde(default)]
+    pub or_equal: bool,
     /// Milliseconds.
     #[serde(default)]
     pub ms: Option<f64>,
+    /// Object whose scaled value is the milliseconds; unknown or 0: not judged.
+    #[serde(default)]
+    pub ms_of: Option<Reference>,
+    /// So many times the value of `ms_of`.
+    #[serde(default = "one_time")]
+    pub times: f64,
     /// How many.
     #[serde(default)]
     pub count: Option<u32>,
-    /// `sync` or seconds.
+    /// `sync`, `while` or seconds.
     #[serde(default)]
     pub per: Option<Per>,
     /// What must hold.
@@ -60,6 +95,16 @@ pub struct DeviceRule {
     /// First and last identifier.
     #[serde(default)]
     pub ids: Option<[u32; 2]>,
+    /// What frames on `ids` may be.
+    #[serde(default)]
+    pub shape: Option<Shape>,
+    /// Objects the statement does not hold for.
+    #[serde(default)]
+    pub except: Vec<ObjectRange>,
+    /// Rules of this profile, or else general ones, whose findings of the same node have the same cause and belong
+    /// under a finding of this one.
+    #[serde(default)]
+    pub takes_in: Vec<String>,
     /// Variants it belongs to.
     #[serde(default)]
     pub only: Only,
@@ -69,6 +114,17 @@ pub struct DeviceRule {
     /// Section.
     #[serde(default)]
     pub source: String,
+    /// Number of the channel, where there are several.
+    #[serde(skip)]
+    pub channel: Option<u8>,
+}
+
+const fn once() -> Repeat {
+    ONCE
+}
+
+const fn one_time() -> f64 {
+    1.0
 }
 
 /// How bad.
@@ -107,62 +163,132 @@ impl Severity {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RuleKind {
-    /// An object stays inside.
+    /// The objects stay inside `range` or `limits`: each value that comes by PDO, message, upload or download (also
+    /// a refused one) is judged, special values (`special`) apart. A scale that is only assumed leaves `limits`
+    /// unjudged.
     Limit,
-    /// Values that are not written.
+    /// None of `values` comes to the objects: each download, also a refused one, and each PDO or message that carries
+    /// them to the device is judged. Uploads are not.
     Forbidden,
-    /// Not more often.
+    /// Nothing but `values`, or multiples of `step`, comes to the objects; as `Forbidden` otherwise.
+    Permitted,
+    /// `on` does not happen. Without `while` it is exercised by the device's presence.
+    Never,
+    /// `on` comes at least `ms` after the `on` before, or, with `after`, after the latest of those. The first `on` of
+    /// a node's life, and the first since the bus was silent, are not judged.
     MinInterval,
-    /// Not more rarely.
+    /// `on` comes at most `ms` after the `on` before. The wait begins with the first `on`; where there is a `while`,
+    /// already when that comes to hold, and it ends when that ceases. One finding a gap, at its end.
     MaxInterval,
-    /// At most so many.
+    /// At most `count` of `on` between two SYNCs with the node's own identifier (`per = "sync"`), in one stretch of
+    /// `while` that nothing interrupts (`"while"`), or in any so many seconds.
     MaxCount,
-    /// Only when conditions hold.
+    /// When `on` happens, all of `needs` hold. Fires only where one of them is proven not to.
     Precondition,
-    /// Something follows in time.
+    /// After `on`, `then` comes within `ms`. A further `on` before that begins anew; a `while` that ceases, a restart
+    /// of the node and the end of the capture withdraw it.
     Follow,
-    /// Something was there first.
+    /// `on` comes only after `before`. `since` makes an earlier `before` void. Judged from the first `since` in the
+    /// capture on: what was before that is not known.
     Order,
-    /// Values rise.
+    /// The values of `objects` rise from each to the next. Judged when `on` happens; without `on` one second after the
+    /// last write to one of them. Fires where two neighbours that were both seen do not rise.
     Ascending,
-    /// Identifiers others must not use.
+    /// Identifiers `ids` belong to the device and its tools. Fires on each bus with such a device for an owner of
+    /// another kind (identifier learnt on the wire, bus file, device file), and for a data frame that has not `shape`.
     ReservedId,
+    /// SDO transfers are expedited, apart from those of `except`: segmented and block transfers of other objects, also
+    /// refused ones, are findings.
+    Expedited,
+    /// A remote frame that asks for a TPDO of the device carries the length of that PDO.
+    RemoteLength,
 }
 
 /// What `count` counts in.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(untagged, expecting = "\"sync\" or seconds")]
+#[serde(untagged, expecting = "\"sync\", \"while\" or seconds")]
 pub enum Per {
     /// A number of seconds.
     Seconds(f64),
-    /// `sync`: between two SYNCs.
-    Word(String),
+    /// A stretch.
+    Stretch(Stretch),
+}
+
+/// Stretches of time without a fixed length.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Stretch {
+    /// Between two SYNCs.
+    Sync,
+    /// While the conditions of `while` hold without a break.
+    While,
+}
+
+/// What a frame may be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Shape {
+    /// Eight bytes, the first a command specifier of SDO.
+    Sdo,
 }
 
 impl DeviceRule {
     /// A key its kind needs and does not have.
     pub fn missing(&self) -> Option<&'static str> {
-        let limit = self.object.is_some() && (self.range.is_some() || self.limits.is_some());
+        let on = !self.on.0.is_empty();
+        let object = self.subjects().next().is_some();
+        let time = self.ms.is_some() != self.ms_of.is_some();
         let (there, what) = match self.kind {
-            RuleKind::Limit => (limit, "object, and range or limits"),
-            RuleKind::Forbidden => (self.object.is_some() && self.values.is_some(), "object and values"),
-            RuleKind::MinInterval | RuleKind::MaxInterval => {
-                (self.on.is_some() && self.ms.is_some(), "on and ms")
+            RuleKind::Limit => {
+                (object && self.range.is_some() != self.limits.is_some(), "object, and range or limits")
             }
+            RuleKind::Forbidden => (object && self.values.is_some(), "object and values"),
+            RuleKind::Permitted => {
+                (object && self.values.is_some() != self.step.is_some(), "object, and values or step")
+            }
+            RuleKind::Never => (on, "on"),
+            RuleKind::MinInterval | RuleKind::MaxInterval => (on && time, "on, and ms or ms_of"),
             RuleKind::MaxCount => {
-                (self.on.is_some() && self.count.is_some() && self.per.is_some(), "on, count and per")
+                let stretch = self.per == Some(Per::Stretch(Stretch::While));
+                let bounded = !stretch || !self.during.0.is_empty();
+                (on && self.count.is_some() && self.per.is_some() && bounded, "on, count, per and its while")
             }
-            RuleKind::Precondition => (self.on.is_some() && !self.needs.0.is_empty(), "on and needs"),
-            RuleKind::Follow => {
-                (self.on.is_some() && self.then.is_some() && self.ms.is_some(), "on, then and ms")
-            }
-            RuleKind::Order => (self.on.is_some() && self.before.is_some(), "on and before"),
+            RuleKind::Precondition => (on && !self.needs.0.is_empty(), "on and needs"),
+            RuleKind::Follow => (on && !self.then.0.is_empty() && time, "on, then, and ms or ms_of"),
+            RuleKind::Order => (on && !self.before.0.is_empty(), "on and before"),
             RuleKind::Ascending => (self.objects.len() > 1, "two objects or more"),
             RuleKind::ReservedId => {
                 (self.ids.is_some_and(|[first, last]| first <= last), "ids, first to last")
             }
+            RuleKind::Expedited | RuleKind::RemoteLength => (true, ""),
         };
         (!there).then_some(what)
+    }
+
+    /// `object` and `objects`.
+    pub fn subjects(&self) -> impl Iterator<Item = Reference> {
+        self.object.iter().chain(&self.objects).copied()
+    }
+
+    /// The same for one channel.
+    pub(super) fn pinned(&self, nth: u16) -> Self {
+        let stride = self.repeat.stride;
+        Self {
+            on: self.on.pinned(nth, stride),
+            then: self.then.pinned(nth, stride),
+            before: self.before.pinned(nth, stride),
+            since: self.since.pinned(nth, stride),
+            after: self.after.pinned(nth, stride),
+            object: self.object.map(|it| it.pinned(nth, stride)),
+            objects: self.objects.iter().map(|it| it.pinned(nth, stride)).collect(),
+            ms_of: self.ms_of.map(|it| it.pinned(nth, stride)),
+            needs: self.needs.pinned(nth, stride),
+            during: self.during.pinned(nth, stride),
+            except: self.except.iter().map(|it| it.pinned(nth, stride)).collect(),
+            channel: self.repeat.number(nth),
+            repeat: ONCE,
+            ..self.clone()
+        }
     }
 }
 
@@ -174,6 +300,9 @@ pub struct Waiver {
     pub rule: String,
     /// Why.
     pub text: String,
+    /// Only findings about these objects, if any are named.
+    #[serde(default)]
+    pub objects: Vec<ObjectRange>,
     /// Variants it belongs to.
     #[serde(default)]
     pub only: Only,

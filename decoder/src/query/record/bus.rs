@@ -34,6 +34,11 @@ pub(super) fn about_the_bus(kind: &EventKind, fields: &mut dyn Fields) {
             fields.field("what", FieldValue::Text(what));
             fields.field("count", FieldValue::Unsigned(*count));
         }
+        EventKind::TestCase(marker) => {
+            fields.field("case", FieldValue::Text(&format!("{}.{}", marker.group, marker.case)));
+            let result = marker.result.map_or(FieldValue::Null, |result| FieldValue::Text(result.name()));
+            fields.field("result", result);
+        }
         EventKind::ClockStep { step } => fields.field("step", FieldValue::Seconds(*step)),
         EventKind::BusSilent { gap } => fields.field("gap", FieldValue::Seconds(*gap)),
         EventKind::LostFrames { count } => {

@@ -151,7 +151,9 @@ impl Bus {
             return self.emit_change(None, status, frame, None, id, out);
         };
         let age = now.saturating_sub(old.since);
-        if old.state != to && old.certainty == Certainty::Presumed && runs && age < QUEUED {
+        // A boot-up answers the reset, however soon: none waits in a queue from before it.
+        let may_be_queued = runs && age < QUEUED && cause != StateCause::BootUp;
+        if old.state != to && old.certainty == Certainty::Presumed && may_be_queued {
             return;
         }
         let is_news = old.state != to || old.certainty == Certainty::Presumed;

@@ -1,9 +1,9 @@
-//! SYNC and TIME.
+//! SYNC, TIME, and the marks of a conformance test.
 
 use crate::event::EventKind;
 use crate::frame::Frame;
 use crate::session::{Bus, Observer};
-use crate::wire::canopen::{sync, time};
+use crate::wire::canopen::{sync, test_marker, time};
 
 /// What is known of the SYNC.
 #[derive(Debug, Clone, Default)]
@@ -55,6 +55,14 @@ impl Bus {
         let routine = !first && expected.is_none();
         self.emit(frame, None, routine, EventKind::Sync { counter, expected }, out);
         self.device_saw_sync(frame, out);
+    }
+
+    /// The mark proves nothing of the bus: any frame may look like it.
+    pub(in crate::session) fn on_test_marker(&mut self, frame: &Frame, out: &mut dyn Observer) {
+        match test_marker::parse(frame.data()).filter(|_| self.belief.is_believed()) {
+            Some(marker) => self.emit(frame, None, false, EventKind::TestCase(marker), out),
+            None => self.undecoded(frame, None, out),
+        }
     }
 
     pub(in crate::session) fn on_time(&mut self, frame: &Frame, out: &mut dyn Observer) {

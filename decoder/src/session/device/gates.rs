@@ -70,6 +70,17 @@ pub(super) struct Subject<'a> {
     pub(super) carrier: &'a Carrier,
 }
 
+const fn judged(holds: bool) -> GateStatus {
+    if holds { GateStatus::Open } else { GateStatus::Closed }
+}
+
+/// How a value judges. A default that was never seen may let a set point act, but proves no obstacle.
+fn value(object: ObjectAddress, raw: i64, assumed: bool, holds: bool) -> (GateStatus, String) {
+    let doubt = if assumed { "?" } else { "" };
+    let status = if assumed && !holds { GateStatus::Unknown } else { judged(holds) };
+    (status, format!("{object} = {raw}{doubt}"))
+}
+
 impl Node {
     /// All gates of all set points seen, closed ones first.
     pub(in crate::session) fn gates(&self, now: i64) -> Vec<GateState> {
@@ -147,7 +158,6 @@ impl Node {
         subject: Subject<'_>,
         now: i64,
     ) -> (GateStatus, String) {
-        let judged = |holds: bool| if holds { GateStatus::Open } else { GateStatus::Closed };
         match condition {
             Condition::Nmt(wanted) => match self.nmt {
                 Some(nmt) => (judged(nmt.state == wanted.state()), nmt.state.name().to_owned()),
@@ -159,10 +169,13 @@ impl Node {
                 };
                 let masked = if *mask == u64::MAX { raw } else { (raw.cast_unsigned() & mask).cast_signed() };
                 let holds = values.contains(masked) != *negated;
-                let doubt = if assumed { "?" } else { "" };
-                // A default that was never seen may let a set point act, but proves no obstacle.
-                let status = if assumed && !holds { GateStatus::Unknown } else { judged(holds) };
-                (status, format!("{} = {raw}{doubt}", object.object))
+                value(object.object, raw, assumed, holds)
+            }
+            Condition::Inside { object, range: [least, most] } => {
+                let Some((raw, assumed)) = self.raw(object.object) else {
+                    return (GateStatus::Unknown, format!("{} not seen", object.object));
+                };
+                value(object.object, raw, assumed, (least..=most).contains(&&raw))
             }
             Condition::State(states) => self.in_state(states, subject.channel),
             Condition::Sync => {
@@ -185,6 +198,8 @@ impl Node {
                 _ => (GateStatus::Open, String::new()),
             },
             Condition::Invisible => (GateStatus::Invisible, String::new()),
+            // Of other nodes only rules know.
+            Condition::Other(_) | Condition::Alone => (GateStatus::Unknown, String::new()),
         }
     }
 

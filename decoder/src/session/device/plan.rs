@@ -120,6 +120,16 @@ impl Trigger {
     }
 }
 
+impl Condition {
+    /// Whether it looks at the value of an object.
+    fn is_on(&self, object: ObjectAddress) -> bool {
+        match self {
+            Self::Object { object: of, .. } | Self::Inside { object: of, .. } => of.object == object,
+            _ => false,
+        }
+    }
+}
+
 /// The bits of a field as a mask over eight bytes.
 fn bits(first: u16, width: u16) -> u64 {
     let field = if width >= 64 { u64::MAX } else { (1 << width) - 1 };
@@ -139,16 +149,14 @@ impl Device {
             .iter()
             .any(|machine| machine.status.object.object == object || machine.control.object.object == object);
         let bit = |trigger: &Trigger| matches!(trigger, Trigger::Bit(bit, _) if bit.object.object == object);
-        let on =
-            |open: &Condition| matches!(open, Condition::Object { object: of, .. } if of.object == object);
+        let on = |open: &Condition| open.is_on(object);
         let when = |trigger: &Trigger| bit(trigger) || trigger.when().iter().any(on);
         machine || self.gates_on(object) || self.procedures.iter().flat_map(Procedure::triggers).any(when)
     }
 
     /// Whether a gate looks at an object.
     pub(in crate::session) fn gates_on(&self, object: ObjectAddress) -> bool {
-        let on =
-            |open: &Condition| matches!(open, Condition::Object { object: of, .. } if of.object == object);
+        let on = |open: &Condition| open.is_on(object);
         self.gates.iter().any(|gate| gate.open.0.iter().any(on))
     }
 }

@@ -50,14 +50,6 @@ impl Node {
     }
 }
 
-impl Procedure {
-    /// Everything it waits for.
-    pub(in crate::session) fn triggers(&self) -> impl Iterator<Item = &Trigger> {
-        let ends = [Some(&self.start), self.stop.as_ref(), self.end.as_ref(), self.also_end.as_ref()];
-        ends.into_iter().flatten().chain(self.steps.iter().map(|step| &step.on))
-    }
-}
-
 impl Bus {
     /// Something happened that procedures may wait for.
     pub(super) fn procedures_saw(

@@ -14,8 +14,10 @@ use crate::query::record::{can_error_text, device as device_of, time_of_day};
 use crate::session::Bus;
 use crate::sink::ascii::{push_code, push_decimal, push_spaced_hex};
 use crate::wire::NodeId;
+use crate::wire::canopen::NmtState;
 use crate::wire::canopen::lss::Content;
 use crate::wire::canopen::nmt::NmtService;
+use crate::wire::canopen::test_marker::TestMarker;
 
 /// The columns of a line behind the time, as UTF-8, control characters not yet escaped.
 #[derive(Default)]
@@ -79,9 +81,6 @@ fn words(event: &Event, bus: &Bus) -> Words {
     }
     let who = event.node.map_or(String::new(), |node| node_label(node, bus));
     let words = |kind, what: String, tone| Words { who: who.clone(), kind, what, tone };
-    if let Some((kind, what, tone)) = finding::words(&event.kind) {
-        return words(kind, what, tone);
-    }
     match &event.kind {
         EventKind::NmtCommand { service, target, from, to } => {
             let to_whom = if *target == 0 { "all".to_owned() } else { node_short((*target).into(), bus) };
@@ -110,11 +109,8 @@ fn words(event: &Event, bus: &Bus) -> Words {
             tone: Tone::Quiet,
         },
         EventKind::GuardReply { state, code, toggle, toggle_error } => {
-            let state =
-                state.map_or_else(|| format!("undefined state {code:02X}"), |state| state.name().into());
-            let error = if *toggle_error { ", toggle bit did not alternate" } else { "" };
             let tone = if *toggle_error { Tone::Caution } else { Tone::Quiet };
-            words("GUARD", format!("reply: {state}, toggle {}{error}", u8::from(*toggle)), tone)
+            words("GUARD", guard_reply(*state, *code, *toggle, *toggle_error), tone)
         }
         EventKind::NodeLost(silence) => words("LOST", lost(silence), Tone::Bad),
         EventKind::NodeBack(silence) => {
@@ -130,7 +126,7 @@ fn words(event: &Event, bus: &Bus) -> Words {
             words("ID", format!("node-ID {from}{to} in force, set by {by}"), Tone::Caution)
         }
         EventKind::ObjectChange(change) => object_change(change, words),
-        _ => match device::words(event) {
+        _ => match device::words(event).or_else(|| finding::words(&event.kind)) {
             Some((kind, what, tone)) => words(kind, what, tone),
             None => j1939::words(event, bus).unwrap_or_else(|| bus_words(event, words)),
         },
@@ -197,13 +193,9 @@ fn bus_words(event: &Event, words: impl Fn(&'static str, String, Tone) -> Words)
             words("DROP", format!("the recorder lost {count} frames"), Tone::Bad)
         }
         EventKind::Unreadable { line, offset, reason } => {
-            let place = match (line, offset) {
-                (Some(line), _) => format!("line {line}: "),
-                (None, Some(offset)) => format!("byte {offset}: "),
-                (None, None) => String::new(),
-            };
-            words("UNREAD", format!("{place}{reason}"), Tone::Caution)
+            words("UNREAD", unreadable(*line, *offset, reason), Tone::Caution)
         }
+        EventKind::TestCase(marker) => words("TEST", test_case(*marker), Tone::Plain),
         EventKind::Note { text } => words("NOTE", text.clone(), Tone::Caution),
         _ => words("", event.kind.name().into(), Tone::Plain),
     }
@@ -267,6 +259,28 @@ pub(super) fn push_frames(frames: FrameRange, out: &mut Vec<u8>) {
         push_decimal(out, frames.last);
     }
     out.push(b'}');
+}
+
+fn test_case(marker: TestMarker) -> String {
+    let step = match marker.result {
+        Some(result) => format!("ends: {} by the test tool", result.name()),
+        None => "begins".to_owned(),
+    };
+    format!("conformance test {}.{} {step}", marker.group, marker.case)
+}
+
+fn unreadable(line: Option<u64>, offset: Option<u64>, reason: &str) -> String {
+    match (line, offset) {
+        (Some(line), _) => format!("line {line}: {reason}"),
+        (None, Some(offset)) => format!("byte {offset}: {reason}"),
+        (None, None) => reason.to_owned(),
+    }
+}
+
+fn guard_reply(state: Option<NmtState>, code: u8, toggle: bool, toggle_error: bool) -> String {
+    let state = state.map_or_else(|| format!("undefined state {code:02X}"), |state| state.name().into());
+    let error = if toggle_error { ", toggle bit did not alternate" } else { "" };
+    format!("reply: {state}, toggle {}{error}", u8::from(toggle))
 }
 
 fn boot_up(cause: BootCause, lost: u32) -> String {

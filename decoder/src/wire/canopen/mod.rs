@@ -8,6 +8,7 @@ pub mod lss;
 pub mod nmt;
 pub mod sdo;
 pub mod sync;
+pub mod test_marker;
 pub mod time;
 
 use std::fmt;

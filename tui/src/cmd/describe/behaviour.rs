@@ -31,12 +31,20 @@ pub(in crate::cmd) fn condition(device: &Device, condition: &Condition) -> Strin
             };
             format!("{} & {mask:02X}h {sign} {}", object.object, list.join(" or "))
         }
+        Condition::Inside { object, range: [least, most] } => {
+            format!("{least} ≤ {} ≤ {most}", object.object)
+        }
         Condition::State(states) => format!("state {}", states.join(" or ")),
         Condition::Sync => "SYNC with the node's own identifier comes".into(),
         Condition::NoError => "no error is active".into(),
         Condition::NoProcedure => "no procedure runs that takes over".into(),
         Condition::Younger(ms) => format!("the previous PDO is at most {ms} ms old"),
         Condition::Invisible => "never visible on the bus".into(),
+        Condition::Other(all) => {
+            let all: Vec<_> = all.0.iter().map(|one| self::condition(device, one)).collect();
+            format!("another of these devices has {}", all.join(" and "))
+        }
+        Condition::Alone => "no other CANopen node is on the bus".into(),
     }
 }
 
@@ -70,6 +78,10 @@ pub(in crate::cmd) fn trigger(device: &Device, trigger: &Trigger) -> String {
         Trigger::Sync => "SYNC".into(),
         Trigger::Emcy(code) => format!("EMCY {code:04X}"),
         Trigger::Boot => "its start".into(),
+        Trigger::Set(set) => format!("a value of {}", set.object.object),
+        Trigger::Writes(range) => format!("a write to {range}"),
+        Trigger::Lss(lss) => format!("LSS {}", lss.service),
+        Trigger::Guard => "a guard request".into(),
     }
 }
 

@@ -23,6 +23,7 @@ pub(super) fn identifier(id: u16) -> String {
         Owner::Sdo(Side::Server, id) => format!("SDO response of {} (server to client)", node(id)),
         Owner::Sdo(Side::Client, id) => format!("SDO request to {} (client to server)", node(id)),
         Owner::ErrorControl(id) => format!("heartbeat, boot-up or guarding of {}", node(id)),
+        Owner::TestMarker => "marks of CiA's conformance test tool".into(),
         Owner::Lss(true) => "LSS, from the master".into(),
         Owner::Lss(false) => "LSS, from a slave".into(),
     };

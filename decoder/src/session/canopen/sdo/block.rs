@@ -69,9 +69,10 @@ impl Blocks {
         }
     }
 
-    /// The receiver has the segments up to `sequence`; `keep` gets the bytes that are whole now.
+    /// The receiver has the segments up to `sequence`; `keep` gets the bytes that are whole now. A block has 127
+    /// segments at most (CiA 301 §7.2.4.3.9): what acknowledges more acknowledges nothing.
     pub(super) fn acknowledge(&mut self, sequence: u8, mut keep: impl FnMut(&[u8])) {
-        let count = usize::from(sequence).min(MOST_SEGMENTS);
+        let count = Some(usize::from(sequence)).filter(|count| *count <= MOST_SEGMENTS).unwrap_or(0);
         if count > 0 {
             let wanted = (u128::MAX >> (127 - count)) & !1;
             self.has_gap |= self.seen & wanted != wanted;
@@ -193,6 +194,15 @@ mod tests {
         blocks.end(5, 0x31C3, false, |_| {});
         assert!(blocks.has_gap);
         assert_eq!(blocks.verdict(), Some(Crc::Unchecked));
+    }
+
+    #[test]
+    fn an_acknowledgement_of_more_than_a_block_has_acknowledges_nothing() {
+        let mut blocks = Blocks::default();
+        let mut data = Vec::new();
+        blocks.segment(1, true, b"1234567");
+        blocks.acknowledge(128, |bytes| data.extend_from_slice(bytes));
+        assert!(data.is_empty() && !blocks.is_complete);
     }
 
     #[test]
