@@ -29,11 +29,14 @@ use cobscope_decoder::session::{AssignedBy, Assignment, Bus, ProtocolChoice, Ses
 use crate::support::workspace;
 
 /// A capture with what is marked in it.
-struct Annotated {
+pub struct Annotated {
     name: String,
-    frames: String,
-    options: SessionOptions,
-    setup: Setup,
+    /// Its frames alone.
+    pub frames: String,
+    /// What is known beside it.
+    pub options: SessionOptions,
+    /// How it is judged.
+    pub setup: Setup,
     /// Number of the frame above, whether it closes, rule, keys.
     marks: Vec<(u64, bool, String, BTreeMap<String, String>)>,
 }
@@ -44,7 +47,12 @@ fn folder() -> PathBuf {
 
 fn read(path: &Path) -> Annotated {
     let text = fs::read_to_string(path).unwrap();
-    let name = path.file_name().unwrap().to_string_lossy().into_owned();
+    parse(&path.file_name().unwrap().to_string_lossy(), &text)
+}
+
+/// An annotated capture.
+pub fn parse(name: &str, text: &str) -> Annotated {
+    let name = name.to_owned();
     let mut bus_file = String::new();
     let mut options = SessionOptions::default();
     let mut catalogue = Catalogue::default();

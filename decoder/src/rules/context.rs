@@ -28,6 +28,8 @@ pub struct Context<'a> {
     pub has_time: bool,
     /// PDOs by identifier.
     pub traffic: &'a Traffic,
+    /// A conformance test marks its cases on this bus: what it asks for that must be refused is deliberate.
+    pub is_tested: bool,
     /// Silences left out so far, in nanoseconds.
     pub(super) silence: i64,
     pub(super) bus_name: &'a Arc<str>,
@@ -70,6 +72,11 @@ impl<'a> Context<'a> {
             _ => !self.bus.is_canopen(),
         };
         Alarm::new(self, node, occurrence(time, frames), is_presumed)
+    }
+
+    /// Why a rule had nothing to judge: said at the end where it had nothing on any bus.
+    pub(super) fn unexercised(&mut self, why: String) {
+        self.ledger.unexercised(self.rule, why);
     }
 
     /// An ongoing finding is over.
@@ -149,6 +156,12 @@ impl<'b, 'a> Alarm<'b, 'a> {
     /// How far it is off, so that the worst can be told.
     pub fn measure(mut self, measure: f64) -> Self {
         self.measure = Some(measure);
+        self
+    }
+
+    /// Its protocol is presumed only, or is not.
+    pub fn presumed(mut self, is_presumed: bool) -> Self {
+        self.is_presumed = is_presumed;
         self
     }
 

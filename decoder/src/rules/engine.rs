@@ -16,6 +16,7 @@ use crate::frame::Frame;
 use crate::query::{KIND_COUNT, KindSet};
 use crate::session::{Bus, Observer};
 use crate::statistics::Quality;
+use crate::wire::canopen::conformance;
 
 /// Judges one capture. A rule sees one bus only: each has rules of its own.
 pub struct Engine {
@@ -37,6 +38,7 @@ struct BusJudge {
     /// Places in `rules` by kind of event.
     by_kind: [Vec<u16>; KIND_COUNT],
     traffic: Traffic,
+    is_tested: bool,
     wakes: BinaryHeap<Wake>,
     now: i64,
     silence: i64,
@@ -87,9 +89,12 @@ impl Engine {
         }
     }
 
-    /// Lets time pass on a live bus that is quiet.
+    /// Lets time pass on a live bus that is quiet. Whether all of it fell silent, which puts deadlines off, only the
+    /// next frame tells: until then none is judged where that can be.
     pub fn advance(&mut self, bus: &Bus, out: &mut dyn Observer) {
-        if let Some(judge) = self.buses.get_mut(usize::from(bus.index().0)) {
+        if let Some(judge) = self.buses.get_mut(usize::from(bus.index().0))
+            && bus.silence_limit().is_none()
+        {
             judge.pass_time(bus.now(), bus, &mut self.ledger);
         }
         self.tell(bus, true, out);
@@ -179,6 +184,7 @@ impl BusJudge {
             rules: Vec::new(),
             by_kind: std::array::from_fn(|_| Vec::new()),
             traffic: Traffic::default(),
+            is_tested: false,
             wakes: BinaryHeap::new(),
             now: i64::MIN,
             silence: 0,
@@ -189,6 +195,11 @@ impl BusJudge {
             if let (true, Ok(rule)) = (is_on, u16::try_from(place)) {
                 let kinds = KindSet::by_name(|name| entry.declaration.kinds.contains(&name));
                 judge.add(rule, kinds, (entry.make)(setup));
+            }
+        }
+        for (rule, expectation) in setup.expectations_on(bus.name()) {
+            if ledger.rules.get(usize::from(rule)).is_some_and(|info| info.is_on) {
+                judge.add(rule, expectation.kinds(), expectation.make());
             }
         }
         judge
@@ -216,6 +227,9 @@ impl BusJudge {
         match &event.kind {
             EventKind::Pdo(pdo) => self.traffic.saw_pdo(pdo, self.now, event.frames.last),
             EventKind::Sync { .. } => self.traffic.saw_sync(),
+            EventKind::Frame(frame) if frame.frame.id == conformance::IDENTIFIER => {
+                self.is_tested |= conformance::parse(frame.frame.data()).is_some();
+            }
             _ => {}
         }
         let Some(list) = self.by_kind.get(KindSet::place(&event.kind)) else { return };
@@ -226,6 +240,7 @@ impl BusJudge {
                 now: self.now,
                 has_time: self.has_time,
                 traffic: &self.traffic,
+                is_tested: self.is_tested,
                 silence: self.silence,
                 bus_name: &self.name,
                 rule: *rule,
@@ -265,6 +280,7 @@ impl BusJudge {
             now: self.now,
             has_time: self.has_time,
             traffic: &self.traffic,
+            is_tested: self.is_tested,
             silence: self.silence,
             bus_name: &self.name,
             rule: *rule,
@@ -282,6 +298,7 @@ impl BusJudge {
                 now: self.now,
                 has_time: self.has_time,
                 traffic: &self.traffic,
+                is_tested: self.is_tested,
                 silence: self.silence,
                 bus_name: &self.name,
                 rule: *rule,

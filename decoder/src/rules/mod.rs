@@ -8,13 +8,16 @@
 //! fixture `fixtures/rules/<name>.log` its proof. It sees the events of one bus, asks to be woken at deadlines,
 //! and keeps what it must remember; a rule never parses bytes.
 
+mod abort_codes;
 mod causes;
 pub mod conformance;
 mod context;
 mod declaration;
 mod engine;
+mod expectation;
 mod general;
 mod ledger;
+mod machines;
 mod nodes;
 mod setup;
 mod traffic;
@@ -22,6 +25,7 @@ mod traffic;
 pub use context::{Alarm, Context};
 pub use declaration::{Declaration, HEADINGS, Tolerance, manual, section};
 pub use engine::{Engine, Judge};
+pub use expectation::Expectation;
 pub use general::REGISTRY;
 pub use nodes::{NodeMap, NodeSet};
 pub use setup::Setup;

@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use super::declaration::Declaration;
 use super::declarations;
-use crate::bus_file::{BusFile, RuleSettings, Suppression};
+use super::expectation::Expectation;
+use crate::bus_file::{self, BusFile, RuleSettings, Suppression};
 use crate::finding::{Group, RuleInfo, Severity, SuppressionUse};
 use crate::profile::TextError;
 use crate::wire::NodeId;
@@ -18,6 +19,8 @@ pub struct Setup {
     tolerances: HashMap<(&'static str, &'static str), f64>,
     suppressions: Vec<Suppression>,
     today: Option<String>,
+    /// Expectations with the places of their rules.
+    expectations: Vec<(u16, Expectation)>,
 }
 
 impl Default for Setup {
@@ -28,6 +31,7 @@ impl Default for Setup {
             tolerances: HashMap::new(),
             suppressions: Vec::new(),
             today: None,
+            expectations: Vec::new(),
         }
     }
 }
@@ -37,9 +41,13 @@ impl Setup {
     /// that ran out.
     ///
     /// # Errors
-    /// Rules and tolerances that do not exist, values that are none; with the place in `text`.
+    /// Rules and tolerances that do not exist, values that are none, expressions that cannot be understood; with the
+    /// place in `text`.
     pub fn new(file: &BusFile, text: &str, today: Option<String>) -> Result<Self, TextError> {
         let mut setup = Self { suppressions: file.judgement.suppressions.clone(), today, ..Self::default() };
+        for written in &file.judgement.expectations {
+            setup.expect(written, text)?;
+        }
         for settings in &file.judgement.rules {
             setup.take(settings, text)?;
         }
@@ -59,6 +67,19 @@ impl Setup {
     /// There is none; the text says which are like it.
     pub fn check_name(&self, rule: &str) -> Result<(), String> {
         if self.knows(rule) { Ok(()) } else { Err(self.unknown(rule)) }
+    }
+
+    fn expect(&mut self, written: &bus_file::Expectation, text: &str) -> Result<(), TextError> {
+        let expectation = Expectation::compile(written, text)?;
+        let id = &written.id;
+        let place = u16::try_from(self.rules.len()).ok().filter(|_| !self.knows(&id.text));
+        let Some(place) = place else {
+            let message = format!("'{}' is the name of a rule already", id.text);
+            return Err(TextError::at(text, id.span.clone(), message));
+        };
+        self.rules.push(expectation.info().clone());
+        self.expectations.push((place, expectation));
+        Ok(())
     }
 
     /// A name with a colon is a device's rule, which is known once the device is.
@@ -105,6 +126,12 @@ impl Setup {
     /// All rules.
     pub fn rules(&self) -> &[RuleInfo] {
         &self.rules
+    }
+
+    /// Expectations about a bus, with the places of their rules.
+    pub(super) fn expectations_on(&self, bus: &str) -> impl Iterator<Item = (u16, &Expectation)> {
+        let all = self.expectations.iter().filter(move |(_, one)| one.is_about(bus));
+        all.map(|(place, one)| (*place, one))
     }
 
     /// A tolerance of a rule: what the bus file says, else its default.

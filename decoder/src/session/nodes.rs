@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::Bus;
 use super::belief::Standing;
 use super::device::GateState;
+use super::j1939::Cadence;
 use super::node::Node;
 use super::routes::Service;
 use super::timers::Subject;
@@ -41,6 +42,12 @@ impl Bus {
         self.clock.stamp_of(time)
     }
 
+    /// How long all traffic may stop before the bus counts as silent, in nanoseconds; none until the pattern of its
+    /// periodic messages is known.
+    pub fn silence_limit(&self) -> Option<i64> {
+        self.clock.silence_limit()
+    }
+
     /// Number of the last frame of this bus; 0 before the first.
     pub fn last_frame(&self) -> u64 {
         self.last_frame
@@ -75,6 +82,12 @@ impl Bus {
     /// All gates of all set points of a node that were seen, closed ones first.
     pub fn gates(&self, node: impl Into<NodeId>) -> Vec<GateState> {
         self.node(node).map_or_else(Vec::new, |node| node.gates(self.clock.now()))
+    }
+
+    /// Of a J1939 message that a device waits for: that device, and the nanoseconds its manual gives.
+    pub fn awaited(&self, id: CanId) -> Option<(NodeId, i64)> {
+        let slot = self.routes.find(id).and_then(|slot| self.routes.slot(slot))?;
+        slot.cadence.as_deref().map(Cadence::limit)
     }
 
     /// What an object of a node means now; of one never heard what CiA 301 says.
