@@ -14,7 +14,7 @@ const EMCY: &str = "fixtures/rules/emcy-raised.log";
 const CLEAN: &str = "fixtures/canopen/time_stamp.log";
 
 /// Captures of the recipe in `docs/ci.md`.
-pub const RECIPE: [&str; 4] = ["fixtures/canopen", "fixtures/devices", "fixtures/j1939", "fixtures/uds"];
+pub const RECIPE: [&str; 3] = ["fixtures/canopen", "fixtures/j1939", "fixtures/uds"];
 
 fn check(arguments: &[&str]) -> Output {
     run(&[&["check"], arguments].concat(), "")
@@ -50,6 +50,8 @@ fn the_page() {
         "error    can0 5/05  silent since {10} (heartbeat), was pre-operational [node-lost]"
     );
     assert_eq!(lines[2], "         2 times, first 0.670 s {8-9}, last 0.970 s {10}");
+    let readme = fs::read_to_string(workspace().join("README.md")).unwrap();
+    assert!(readme.contains(&lines[..3].join("\n")));
     assert!(
         lines[4].starts_with("CAPTURE                       ERRORS  WARNINGS  NOTES  PASSED"),
         "{}",
@@ -164,7 +166,8 @@ fn suppressions_are_said() {
 
 #[test]
 fn output_is_the_same_for_any_number_of_threads() {
-    let captures = [&RECIPE[..], &["fixtures/malformed", "no/such.log", "fixtures/rules"]].concat();
+    let captures =
+        [&RECIPE[..], &["fixtures/devices", "fixtures/malformed", "no/such.log", "fixtures/rules"]].concat();
     for format in ["text", "jsonl", "junit", "sarif", "github"] {
         let by = |threads: &str| check(&[&["-f", format, "--threads", threads], &captures[..]].concat());
         let (one, two, five) = (by("1"), by("2"), by("5"));
@@ -517,4 +520,56 @@ fn our_own_fixtures_are_checked_as_the_recipe_says() {
     for mark in ["\ngone ", "\nerror ", "\nwarning ", "\nnote "] {
         assert!(!output.stdout.contains(mark), "read each line, then COBSCOPE_BLESS=1\n{}", output.stdout);
     }
+}
+
+#[test]
+fn every_command_of_the_document_runs() {
+    let folder = folder("document");
+    let document = fs::read_to_string(workspace().join("docs/ci.md")).unwrap();
+    let bus = folder.join("machine.toml");
+    fs::write(&bus, "[node.5]\nname = \"pump\"\n").unwrap();
+    let (baseline, captures) = (folder.join("baseline.json"), "fixtures/rules");
+    let mut count = 0;
+    for block in document.split("```").skip(1).step_by(2) {
+        for line in block.lines() {
+            let Some((_, arguments)) = line.split_once("cobscope check ") else { continue };
+            let words = arguments.split(' ').map(|word| match word {
+                "machine.toml" => text(&bus).to_owned(),
+                "captures/baseline.json" => text(&baseline).to_owned(),
+                "captures" => captures.to_owned(),
+                "cobscope.sarif" | "cobscope.xml" => text(&folder.join(word)).to_owned(),
+                other => other.to_owned(),
+            });
+            let words: Vec<String> = words.collect();
+            let output = check(&words.iter().map(String::as_str).collect::<Vec<_>>());
+            // Without a baseline the fixtures of the rules have findings.
+            let is_accepted = arguments.contains("--baseline") || arguments.contains("--fail-on never");
+            assert_eq!(output.code, i32::from(!is_accepted), "{line}\n{}{}", output.stdout, output.stderr);
+            count += 1;
+        }
+    }
+    assert_eq!(count, 9);
+}
+
+#[test]
+fn the_examples_of_the_bus_file_s_document() {
+    let document = fs::read_to_string(workspace().join("docs/bus-file.md")).unwrap();
+    let example = |heading: &str| {
+        let section = document.split(&format!("\n## {heading}\n")).nth(1).unwrap();
+        section.split("```toml\n").nth(1).unwrap().split("```").next().unwrap().to_owned()
+    };
+    let bus = folder("examples").join("bus.toml");
+    fs::write(&bus, example("How strict the rules are")).unwrap();
+    let lenient = check(&["--bus", text(&bus), LOST]);
+    assert!(lenient.code == 0 && lenient.stdout.contains("warning  can0 5/05"), "{}", lenient.stdout);
+    // The heartbeat after 170 ms of 100 is none that is late.
+    assert!(lenient.stdout.contains("         at 0.970 s {10}\n"), "{}", lenient.stdout);
+    fs::write(&bus, example("Findings that are known and accepted")).unwrap();
+    let suppressed = check(&["--today", "2026-12-31", "--bus", text(&bus), LOST]);
+    // The finding is about the node as a whole, and not about 1018:01.
+    assert_eq!(suppressed.code, 1);
+    let all = example("Findings that are known and accepted").replace("about =", "# about =");
+    fs::write(&bus, all).unwrap();
+    let suppressed = check(&["--today", "2026-12-31", "--bus", text(&bus), LOST]);
+    assert_eq!(suppressed.code, 0, "{}", suppressed.stdout);
 }

@@ -78,7 +78,7 @@ fn the_schema_is_that_of_the_table() {
 
 /// Output of many kinds: findings with and without node, suppressed, accepted, unreadable captures.
 fn captures() -> Vec<&'static str> {
-    [&RECIPE[..], &["fixtures/rules", "fixtures/malformed", "no/such.log"]].concat()
+    [&RECIPE[..], &["fixtures/rules", "fixtures/devices", "fixtures/malformed", "no/such.log"]].concat()
 }
 
 /// Every key in the table, of the table's type; every required one there.

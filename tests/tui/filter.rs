@@ -85,7 +85,7 @@ fn states_and_commands() {
 
 #[test]
 fn a_limit_by_frames_goes_by_the_last_one() {
-    let both = events(&["--from", "#6", "--to", "#10"], "sdo_abort.log");
+    let both = events(&["--from", "#6", "--to", "#10", "--no-findings"], "sdo_abort.log");
     assert_eq!(both, ["5-6 sdo-transfer", "7-8 sdo-transfer", "9-10 sdo-transfer"]);
 }
 
