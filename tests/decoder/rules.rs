@@ -31,12 +31,6 @@ use crate::support::workspace;
 
 /// A capture with what is marked in it.
 pub struct Annotated {
-    name: String,
-    /// Its frames alone.
-    pub frames: String,
-    /// What is known beside it.
-    pub options: SessionOptions,
-    /// How it is judged.
     /// Name of its file.
     pub name: String,
     /// Its lines.
