@@ -5,8 +5,9 @@ use crate::event::{Direction, Event, EventKind, SdoTransfer};
 use crate::finding::About;
 use crate::frame::CanId;
 use crate::rules::declaration::declare_rule;
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::{Context, NodeMap, Rule, Setup};
 use crate::wire::NodeId;
+use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
     /// # What it checks
@@ -25,15 +26,22 @@ declare_rule! {
     /// # Mutation
     /// change the identifier in the answer to an upload of 1200:01
     "cob-id-mismatch", Warning, "a service uses another identifier than its object says",
-    kinds: ["sdo-transfer", "emcy"],
+    kinds: ["sdo-transfer", "emcy", "node-id-change"],
     cases: &["2.12", "5.1", "6.1", "7.4"],
     word: "COBID",
 }
 
-pub(super) struct CobIdMismatch;
+/// Object 1014: COB-ID EMCY.
+const EMCY: ObjectAddress = ObjectAddress::new(0x1014, 0);
+
+#[derive(Default)]
+pub(super) struct CobIdMismatch {
+    /// Frame at which a node took its node-ID: what was known of it before may follow the node-ID.
+    moved: NodeMap<u64>,
+}
 
 pub(super) fn new(_setup: &Setup) -> CobIdMismatch {
-    CobIdMismatch
+    CobIdMismatch::default()
 }
 
 impl CobIdMismatch {
@@ -67,7 +75,9 @@ impl Rule for CobIdMismatch {
             EventKind::Emcy(emergency) => {
                 let used = emergency.cob_id;
                 let Some(node) = context.node(event) else { return };
-                let Some(cob_id) = sure(node, 0x1014, 0) else {
+                let moved = self.moved.get(node.id()).copied().unwrap_or(0);
+                let is_since = node.store().seen(EMCY).is_some_and(|entry| entry.origin.frame >= moved);
+                let Some(cob_id) = sure(node, 0x1014, 0).filter(|_| is_since) else {
                     let default = CanId::standard(0x80 + u16::from(node.id().number()));
                     if used == default {
                         context.pass();
@@ -79,6 +89,11 @@ impl Rule for CobIdMismatch {
                 }
                 let alarm = context.fail(event).about(About::Id(used));
                 alarm.say(|| format!("EMCY on {used}; 1014 says {cob_id:X}h"));
+            }
+            EventKind::NodeIdChange { to, .. } => {
+                if let Some(frame) = self.moved.entry(NodeId::Canopen(*to)) {
+                    *frame = event.frames.last;
+                }
             }
             _ => {}
         }

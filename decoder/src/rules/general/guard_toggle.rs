@@ -1,5 +1,6 @@
 //! Toggle bits of guarding.
 
+use super::facts::sure;
 use crate::event::{Event, EventKind};
 use crate::rules::declaration::declare_rule;
 use crate::rules::{Context, NodeSet, Rule, Setup};
@@ -54,7 +55,11 @@ impl Rule for GuardToggle {
                 if *toggle {
                     self.toggling.insert(node);
                 }
-                let is_guarded = self.toggling.contains(node) || !self.beating.contains(node);
+                // Of a node whose heartbeat is on only some are told as answers.
+                let has_heartbeat =
+                    context.node(event).and_then(|node| sure(node, 0x1017, 0)).is_some_and(|time| time > 0);
+                let is_guarded =
+                    !has_heartbeat && (self.toggling.contains(node) || !self.beating.contains(node));
                 if !toggle_error {
                     context.pass();
                 } else if is_guarded {

@@ -1,7 +1,7 @@
 //! A device refuses a write.
 
 use super::facts::about;
-use crate::event::{Abort, Direction, Event, EventKind, Outcome, SdoTransfer};
+use crate::event::{Abort, Direction, Event, EventKind, Mode, Outcome, SdoTransfer};
 use crate::finding::About;
 use crate::profile::abort_codes;
 use crate::query::record;
@@ -34,6 +34,9 @@ declare_rule! {
 
 /// Objects of a node whose refusals are told apart.
 const OBJECT_LIMIT: usize = 32;
+
+/// Command specifier not valid or unknown (CiA 301 table 22): the server has no block transfer.
+const NO_BLOCKS: u32 = 0x0504_0001;
 
 #[derive(Default)]
 pub(super) struct SdoDownloadRefused {
@@ -84,6 +87,9 @@ impl Rule for SdoDownloadRefused {
         }
         match (transfer.outcome, transfer.abort) {
             (Outcome::Complete, _) => context.pass(),
+            // A client that asks for blocks goes on without them.
+            (Outcome::Aborted, Some(Abort { code: NO_BLOCKS, .. })) if transfer.mode == Some(Mode::Block) => {
+            }
             (Outcome::Aborted, Some(Abort { code, by_client: false })) => {
                 self.refused(event, transfer, code, context);
             }
