@@ -235,6 +235,9 @@ impl BusJudge {
         if !std::mem::replace(&mut self.has_begun, true) {
             self.all(bus, ledger, |rule, context| rule.begin(context));
         }
+        if self.meter.take_over() {
+            self.all(bus, ledger, |rule, context| rule.second(context));
+        }
         match &event.kind {
             EventKind::Pdo(pdo) => self.traffic.saw_pdo(pdo, self.now, event.frames.last),
             EventKind::Sync { .. } => self.traffic.saw_sync(),
