@@ -2,7 +2,7 @@
 //! finding may come.
 //!
 //! ```text
-//! #! --node 5=wandfluh-md2:amplifier     what is known beside the capture; --protocol canopen
+//! #! --node 5=wandfluh-md2:amplifier     what is known beside the capture; --protocol canopen; --dbc dbc/signals.dbc
 //! #| [node.5]                            lines of a bus file
 //! (1700000000.000000) can0 705#05
 //! #~ node-lost node=5 severity=error     a finding that opens at the frame above (or a deadline before it)
@@ -23,6 +23,7 @@ use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::finding::Findings;
 use cobscope_decoder::profile::Catalogue;
+use cobscope_decoder::profile::dbc::{self, Database};
 use cobscope_decoder::rules::{Engine, HEADINGS, Judge, Setup, declarations, section};
 use cobscope_decoder::session::{AssignedBy, Assignment, Bus, ProtocolChoice, SessionOptions};
 
@@ -36,6 +37,13 @@ pub struct Annotated {
     /// What is known beside it.
     pub options: SessionOptions,
     /// How it is judged.
+    /// Name of its file.
+    pub name: String,
+    /// Its lines.
+    pub frames: String,
+    /// What is known beside it.
+    pub options: SessionOptions,
+    /// What its bus file says of rules.
     pub setup: Setup,
     /// Number of the frame above, whether it closes, rule, keys.
     marks: Vec<(u64, bool, String, BTreeMap<String, String>)>,
@@ -45,7 +53,8 @@ fn folder() -> PathBuf {
     workspace().join("fixtures").join("rules")
 }
 
-fn read(path: &Path) -> Annotated {
+/// Reads a capture with what is marked in it.
+pub fn read(path: &Path) -> Annotated {
     let text = fs::read_to_string(path).unwrap();
     parse(&path.file_name().unwrap().to_string_lossy(), &text)
 }
@@ -94,6 +103,12 @@ fn option(text: &str, options: &mut SessionOptions, catalogue: &mut Catalogue) {
             let device = catalogue.device(profile).unwrap();
             let node = node.parse().unwrap();
             options.assignments.push(Assignment { bus: None, node, device, by: AssignedBy::Option });
+        }
+        ["--dbc", file] => {
+            let text = fs::read(workspace().join("fixtures").join(file)).unwrap();
+            let mut database = Database::default();
+            database.add(dbc::parse(&text).unwrap());
+            options.database = Arc::new(database);
         }
         ["--protocol", "canopen"] => options.protocol = ProtocolChoice::Canopen,
         _ => panic!("no option of a fixture: {text}"),
@@ -183,7 +198,8 @@ fn compare(capture: &Annotated, report: &mut String) {
     }
 }
 
-fn captures() -> Vec<PathBuf> {
+/// All of them.
+pub fn captures() -> Vec<PathBuf> {
     let mut all: Vec<_> = fs::read_dir(folder()).unwrap().map(|entry| entry.unwrap().path()).collect();
     all.retain(|path| path.extension().is_some_and(|extension| extension == "log"));
     all.sort();

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use super::causes::causes;
 use super::context::{Context, LEDGER, Wake};
 use super::ledger::{Ledger, News, What, occurrence};
+use super::meter::Meter;
 use super::setup::Setup;
 use super::traffic::Traffic;
 use super::{REGISTRY, Rule};
@@ -38,6 +39,8 @@ struct BusJudge {
     /// Places in `rules` by kind of event.
     by_kind: [Vec<u16>; KIND_COUNT],
     traffic: Traffic,
+    meter: Meter,
+    has_begun: bool,
     is_tested: bool,
     wakes: BinaryHeap<Wake>,
     now: i64,
@@ -64,6 +67,9 @@ impl Engine {
     #[inline]
     pub fn frame(&mut self, frame: &Frame) {
         self.quality.frame(frame);
+        if let Some(judge) = self.buses.get_mut(usize::from(frame.bus.0)) {
+            judge.meter.frame(frame);
+        }
     }
 
     /// Judges an event. News of findings go to `out` as events of their own.
@@ -103,7 +109,7 @@ impl Engine {
     /// The capture ended: closes what is open, and gives everything that was judged.
     pub fn finish(mut self, buses: &[Bus], out: &mut dyn Observer) -> Findings {
         for (judge, bus) in self.buses.iter_mut().zip(buses) {
-            judge.finish(bus, &mut self.ledger);
+            judge.all(bus, &mut self.ledger, |rule, context| rule.finish(context));
             self.ledger.close_all(bus);
         }
         let made_up = self.quality.made_up_interval();
@@ -184,6 +190,8 @@ impl BusJudge {
             rules: Vec::new(),
             by_kind: std::array::from_fn(|_| Vec::new()),
             traffic: Traffic::default(),
+            meter: Meter::new(bus.bit_rate()),
+            has_begun: false,
             is_tested: false,
             wakes: BinaryHeap::new(),
             now: i64::MIN,
@@ -218,11 +226,17 @@ impl BusJudge {
     #[inline]
     fn event(&mut self, event: &Event, bus: &Bus, ledger: &mut Ledger) {
         if let Some(stamp) = event.time {
+            let monotonic = bus.monotonic(stamp);
             if let EventKind::BusSilent { gap } = event.kind {
-                self.silence = self.silence.saturating_add(gap);
+                // Deadlines before the bus counted as silent have passed: time goes on from the last of them.
+                let silence = self.silence.saturating_add(gap);
+                self.silence = silence.min(monotonic.saturating_sub(self.now));
             }
             self.has_time = true;
-            self.pass_time(bus.monotonic(stamp), bus, ledger);
+            self.pass_time(monotonic, bus, ledger);
+        }
+        if !std::mem::replace(&mut self.has_begun, true) {
+            self.all(bus, ledger, |rule, context| rule.begin(context));
         }
         match &event.kind {
             EventKind::Pdo(pdo) => self.traffic.saw_pdo(pdo, self.now, event.frames.last),
@@ -240,6 +254,7 @@ impl BusJudge {
                 now: self.now,
                 has_time: self.has_time,
                 traffic: &self.traffic,
+                meter: &self.meter,
                 is_tested: self.is_tested,
                 silence: self.silence,
                 bus_name: &self.name,
@@ -280,6 +295,7 @@ impl BusJudge {
             now: self.now,
             has_time: self.has_time,
             traffic: &self.traffic,
+            meter: &self.meter,
             is_tested: self.is_tested,
             silence: self.silence,
             bus_name: &self.name,
@@ -291,13 +307,16 @@ impl BusJudge {
         made.wake(token, &mut context);
     }
 
-    fn finish(&mut self, bus: &Bus, ledger: &mut Ledger) {
+    /// Calls all rules.
+    #[cold]
+    fn all(&mut self, bus: &Bus, ledger: &mut Ledger, call: fn(&mut dyn Rule, &mut Context<'_>)) {
         for (place, (rule, made)) in self.rules.iter_mut().enumerate() {
             let mut context = Context {
                 bus,
                 now: self.now,
                 has_time: self.has_time,
                 traffic: &self.traffic,
+                meter: &self.meter,
                 is_tested: self.is_tested,
                 silence: self.silence,
                 bus_name: &self.name,
@@ -306,7 +325,7 @@ impl BusJudge {
                 ledger,
                 wakes: &mut self.wakes,
             };
-            made.finish(&mut context);
+            call(&mut **made, &mut context);
         }
     }
 }

@@ -15,6 +15,7 @@ use crate::profile::{Meaning, NothingKnown, Resolver, plain_device};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
+use crate::wire::j1939::Pgn;
 
 impl Bus {
     /// Name of the interface.
@@ -61,6 +62,11 @@ impl Bus {
     /// Whether the 29-bit frames are believed to be J1939.
     pub fn is_j1939(&self) -> bool {
         self.j1939.is_believed()
+    }
+
+    /// Whether an address is in the middle of a transfer of several packets that can be about a group.
+    pub fn is_transferring(&self, source: u8, pgn: Pgn) -> bool {
+        self.transports.has_of(source, pgn)
     }
 
     /// Name and unit of a suspect parameter, by the user's databases.
