@@ -9,6 +9,7 @@ mod dbc;
 mod device_files;
 mod devices;
 mod dialects;
+mod expectations;
 mod expected;
 mod fields;
 mod filters;

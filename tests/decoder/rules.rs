@@ -31,12 +31,13 @@ use crate::support::workspace;
 
 /// A capture with what is marked in it.
 pub struct Annotated {
-    name: String,
-    /// Its frames alone.
+    /// Name of its file.
+    pub name: String,
+    /// Its lines.
     pub frames: String,
     /// What is known beside it.
     pub options: SessionOptions,
-    /// How it is judged.
+    /// What its bus file says of rules.
     pub setup: Setup,
     /// Number of the frame above, whether it closes, rule, keys.
     marks: Vec<(u64, bool, String, BTreeMap<String, String>)>,
@@ -46,7 +47,8 @@ fn folder() -> PathBuf {
     workspace().join("fixtures").join("rules")
 }
 
-fn read(path: &Path) -> Annotated {
+/// Reads a capture with what is marked in it.
+pub fn read(path: &Path) -> Annotated {
     let text = fs::read_to_string(path).unwrap();
     parse(&path.file_name().unwrap().to_string_lossy(), &text)
 }
@@ -190,7 +192,8 @@ fn compare(capture: &Annotated, report: &mut String) {
     }
 }
 
-fn captures() -> Vec<PathBuf> {
+/// All of them.
+pub fn captures() -> Vec<PathBuf> {
     let mut all: Vec<_> = fs::read_dir(folder()).unwrap().map(|entry| entry.unwrap().path()).collect();
     all.retain(|path| path.extension().is_some_and(|extension| extension == "log"));
     all.sort();

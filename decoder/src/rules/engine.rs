@@ -226,11 +226,14 @@ impl BusJudge {
     #[inline]
     fn event(&mut self, event: &Event, bus: &Bus, ledger: &mut Ledger) {
         if let Some(stamp) = event.time {
+            let monotonic = bus.monotonic(stamp);
             if let EventKind::BusSilent { gap } = event.kind {
-                self.silence = self.silence.saturating_add(gap);
+                // Deadlines before the bus counted as silent have passed: time goes on from the last of them.
+                let silence = self.silence.saturating_add(gap);
+                self.silence = silence.min(monotonic.saturating_sub(self.now));
             }
             self.has_time = true;
-            self.pass_time(bus.monotonic(stamp), bus, ledger);
+            self.pass_time(monotonic, bus, ledger);
         }
         if !std::mem::replace(&mut self.has_begun, true) {
             self.all(bus, ledger, |rule, context| rule.begin(context));

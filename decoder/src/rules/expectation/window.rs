@@ -1,4 +1,5 @@
-//! `count` with `per_seconds`: so many events come in each window, one behind the other from the first event on.
+//! `count` with `per_seconds`: so many events come in each window. The first event opens one; they follow each other
+//! until one stays empty, and then the next event opens one again.
 
 use super::Task;
 use super::compile::{Asked, Limits};
@@ -20,7 +21,7 @@ pub(super) struct Windows {
 #[derive(Debug, Clone, Default)]
 struct Window {
     count: u64,
-    /// Its end; no window is open before the first event.
+    /// Its end; none where no window is open.
     end: Option<i64>,
     deadline: Deadline,
     /// Its last event.
@@ -74,9 +75,11 @@ impl Task for Windows {
             }
             _ => context.pass(),
         }
-        let next = end.saturating_add(self.window);
-        window.end = Some(next);
-        window.deadline.set(next, token, context);
+        // However long nothing comes, it is told once, and costs nothing.
+        window.end = (count > 0).then(|| end.saturating_add(self.window));
+        if let Some(next) = window.end {
+            window.deadline.set(next, token, context);
+        }
     }
 
     fn idle(&self) -> String {

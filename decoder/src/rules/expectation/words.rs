@@ -18,7 +18,7 @@ pub(super) fn time(nanoseconds: i64) -> String {
     #[expect(clippy::cast_precision_loss, reason = "a time for reading")]
     let milliseconds = nanoseconds as f64 / 1e6;
     match milliseconds.abs() {
-        size if size >= 10_000.0 => format!("{} s", number(milliseconds / 1e3)),
+        size if size >= 1_000.0 => format!("{} s", number(milliseconds / 1e3)),
         _ => format!("{} ms", number(milliseconds)),
     }
 }
@@ -50,6 +50,7 @@ mod tests {
     fn times_numbers_and_places_in_a_row() {
         assert_eq!(time(3_100_000), "3.1 ms");
         assert_eq!(time(250_000_000), "250 ms");
+        assert_eq!(time(1_000_000_000), "1 s");
         assert_eq!(time(12_500_000_000), "12.5 s");
         assert_eq!(
             (number(-0.0001), number(100.0), number(1.0 / 3.0)),

@@ -220,13 +220,13 @@ impl Rule for CommandGap {
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {
-            EventKind::Pdo(pdo) => {
-                if pdo.name.direction == PdoDirection::Receive && !pdo.is_request && !event.presumed {
-                    self.pdo(event, pdo, context);
-                }
+            EventKind::Pdo(pdo)
+                if pdo.name.direction == PdoDirection::Receive && !pdo.is_request && !event.presumed =>
+            {
+                self.pdo(event, pdo, context);
             }
             EventKind::J1939Message(message) if message.layout.is_some() => {
-                self.message(event, message, context)
+                self.message(event, message, context);
             }
             EventKind::MessageGap(gap) => Self::message_gap(event, gap, context),
             EventKind::SdoTransfer(transfer) => self.transfer(event, transfer, context.now),

@@ -6,6 +6,7 @@ use crate::profile::device::PdoEffect;
 use crate::profile::{PdoDirection, PdoName};
 use crate::rules::declaration::{declare_rule, tolerance};
 use crate::rules::{Context, Rule, Setup};
+use crate::session::Node;
 use crate::wire::NodeId;
 
 declare_rule! {
@@ -82,7 +83,7 @@ impl CommandsPerSync {
             self.commands.resize_with(place + 1, Commands::default);
         }
         let (Some(commands), Some(id)) = (self.commands.get_mut(place), event.node) else { return };
-        let device = context.node(event).map(|node| node.device());
+        let device = context.node(event).map(Node::device);
         let spec = device.and_then(|device| device.pdos.iter().find(|spec| spec.pdo == pdo.name));
         let waits = spec.is_some_and(|spec| spec.effect == PdoEffect::AtSync);
         commands.waits = Some(waits);
@@ -133,10 +134,8 @@ impl Rule for CommandsPerSync {
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {
-            EventKind::Pdo(pdo) => {
-                if pdo.name.direction == PdoDirection::Receive && !pdo.is_request {
-                    self.pdo(event, pdo, context);
-                }
+            EventKind::Pdo(pdo) if pdo.name.direction == PdoDirection::Receive && !pdo.is_request => {
+                self.pdo(event, pdo, context);
             }
             EventKind::Sync { .. } => self.sync(event, context),
             // Another device, other PDOs.

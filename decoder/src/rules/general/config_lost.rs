@@ -148,7 +148,7 @@ impl Rule for ConfigLost {
         match &event.kind {
             EventKind::SdoTransfer(transfer) => self.written(event, node, transfer, context),
             EventKind::ObjectChange(change) if change.origin == "reset" => {
-                self.fell_back(node, change.object)
+                self.fell_back(node, change.object);
             }
             EventKind::BootUp { cause, .. } => self.booted(event, node, *cause),
             EventKind::Emcy(emergency) => {
@@ -157,7 +157,7 @@ impl Rule for ConfigLost {
                 }
             }
             EventKind::NmtState(change) if change.to == NmtState::Operational => {
-                self.started(event, node, context)
+                self.started(event, node, context);
             }
             _ => {}
         }

@@ -163,10 +163,8 @@ impl Rule for FaultResetWithoutEdge {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         let Some(node) = event.node else { return };
         match &event.kind {
-            EventKind::Pdo(pdo) => {
-                if self.count > 0 && pdo.name.direction == PdoDirection::Receive {
-                    self.control(event, node, pdo, context);
-                }
+            EventKind::Pdo(pdo) if self.count > 0 && pdo.name.direction == PdoDirection::Receive => {
+                self.control(event, node, pdo, context);
             }
             EventKind::DeviceState(state) => self.state(event, node, state, context),
             EventKind::Emcy(emergency) if emergency.action == EmcyAction::AllCleared => {

@@ -67,21 +67,17 @@ pub(super) fn new(setup: &Setup) -> GuardLate {
 }
 
 /// Guard time and factor of a node that has both.
-fn life_time(node: Option<&Node>) -> Option<(u64, u64)> {
+fn life_time(node: Option<&Node>) -> Option<(u16, u8)> {
     let node = node?;
-    let (time, factor) = (sure_number(node, GUARD_TIME)?, sure_number(node, LIFE_TIME_FACTOR)?);
-    (time > 0 && factor > 0 && time <= u64::from(u16::MAX) && factor <= u64::from(u8::MAX))
-        .then_some((time, factor))
+    let time = u16::try_from(sure_number(node, GUARD_TIME)?).ok()?;
+    let factor = u8::try_from(sure_number(node, LIFE_TIME_FACTOR)?).ok()?;
+    (time > 0 && factor > 0).then_some((time, factor))
 }
 
 /// A share of the life time in nanoseconds.
-fn part((time, factor): (u64, u64), share: f64) -> i64 {
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_precision_loss,
-        reason = "at most 65,535 ms × 255"
-    )]
-    let nanoseconds = ((time * factor) as f64 * share * 1e6) as i64;
+fn part((time, factor): (u16, u8), share: f64) -> i64 {
+    #[expect(clippy::cast_possible_truncation, reason = "at most 65,535 ms × 255, or saturates")]
+    let nanoseconds = (f64::from(time) * f64::from(factor) * share * 1e6) as i64;
     nanoseconds
 }
 
@@ -146,8 +142,8 @@ impl GuardLate {
     }
 }
 
-fn said(gap: i64, (time, factor): (u64, u64), than: &str) -> String {
-    let (milliseconds, life) = (gap / 1_000_000, time * factor);
+fn said(gap: i64, (time, factor): (u16, u8), than: &str) -> String {
+    let (milliseconds, life) = (gap / 1_000_000, u32::from(time) * u32::from(factor));
     format!("master silent for {milliseconds} ms {than} {life} ms ({time} ms × {factor})")
 }
 
@@ -188,9 +184,10 @@ impl Rule for GuardLate {
             return context.wake_at(due, token);
         }
         guarded.is_told = true;
-        let gap = context.now.saturating_sub(last);
+        // How long it was in the end the next request tells.
+        let gap = part(life, self.error);
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
         let alarm = context.fail_at(due, Some(node), FrameRange::one(frame)).measure(gap as f64).ongoing();
-        alarm.say(|| said(gap, life, ">"));
+        alarm.say(|| said(gap, life, "and more, life time"));
     }
 }

@@ -31,6 +31,7 @@ declare_rule! {
     "mapping-procedure", Warning, "a PDO is mapped anew in the wrong order",
     kinds: ["sdo-transfer", "boot-up"],
     cases: &["3.22", "3.23", "3.24"],
+    tells_cases: true,
     word: "MAP",
 }
 
@@ -109,28 +110,27 @@ fn number(node: Option<&Node>, object: ObjectAddress, data: &[u8]) -> Option<u64
 impl Known {
     fn judge(&self, event: &Event, object: ObjectAddress, outcome: Outcome, context: &mut Context<'_>) {
         let (name, is_entry) = (self.name, object.sub != 0);
-        let wrong = match (self.is_valid, self.entries, is_entry) {
-            (Some(true), ..) => Some(format!("while {name} is valid")),
-            (_, Some(1..), true) => {
-                Some(format!("while {} entries of {name} are in use", self.entries.unwrap_or(0)))
-            }
+        let (wrong, case) = match (self.is_valid, self.entries, is_entry) {
+            (Some(true), ..) => (Some("while the PDO is valid"), "3.24"),
+            (_, Some(1..), true) => (Some("while entries are in use"), "3.23"),
             // What is not known cannot be right either.
             (None, ..) | (_, None, true) => return,
-            _ => None,
+            _ => (None, "3.22"),
         };
         match (wrong, outcome) {
             (Some(wrong), Outcome::Complete) => {
-                let alarm = context.fail(event).about(About::Object(object));
+                context.fail_case(case);
+                let alarm = context.fail(event).about(About::Name(name.to_string().into()));
                 alarm.say(|| {
                     let first = if self.is_valid == Some(true) {
                         format!("bit 31 of {:04X}:01 is to be set first", name.communication_index())
                     } else {
                         format!("{:04X}:00 is to be set to 0 first", name.mapping_index())
                     };
-                    format!("written {wrong}, and accepted: {first}")
+                    format!("{object} written {wrong}, and accepted: {first}")
                 });
             }
-            (Some(_), Outcome::Aborted) | (None, Outcome::Complete) => context.pass(),
+            (Some(_), Outcome::Aborted) | (None, Outcome::Complete) => context.pass_case(case),
             _ => {}
         }
     }

@@ -2,6 +2,7 @@
 
 mod access_type;
 mod address_contention;
+mod boot_up_missing;
 mod bus_health;
 mod calibration;
 mod cannot_claim;
@@ -14,20 +15,37 @@ mod dm1_period;
 mod duplicate_node_id;
 mod duplicate_producer;
 mod eeprom_wear;
+mod emcy_history;
+mod emcy_missing;
 mod emcy_raised;
+mod emcy_register;
+mod emcy_repeated;
 mod facts;
 mod fault_reset_without_edge;
 mod guard_late;
+mod guard_toggle;
+mod guard_with_heartbeat;
+mod heartbeat_consumer;
+mod heartbeat_period;
 mod identity_move;
 mod isotp_violation;
+mod lss_sequence;
 mod malformed_message;
 mod mapping_procedure;
 mod mode_change_refused_or_ignored;
+mod nmt_command_ignored;
+mod nmt_command_invalid;
 mod node_lost;
 mod not_following;
+mod pdo_event_timer;
+mod pdo_inhibit_time;
 mod pdo_long;
 mod pdo_outside_operational;
+mod pdo_parameter;
+mod pdo_rtr;
 mod pdo_short;
+mod pdo_sync_acyclic;
+mod pdo_sync_cyclic;
 mod read_back;
 mod request_unanswered;
 mod sdo_abort_code;
@@ -39,10 +57,14 @@ mod sdo_situation;
 mod sdo_size;
 mod sdo_toggle;
 mod sdo_upload_refused;
+mod service_in_stopped;
 mod setpoint_not_effective;
 mod spn_not_available;
 mod state_lost;
+mod sync_counter;
 mod sync_period;
+mod time_not_monotonic;
+mod traffic_before_boot;
 mod transport_violation;
 mod trouble_code;
 mod uds_negative;
@@ -110,7 +132,28 @@ pub static REGISTRY: &[Entry] = &[
     entry!(read_back),
     entry!(cob_id_mismatch),
     entry!(cob_id_restricted),
+    entry!(boot_up_missing),
+    entry!(traffic_before_boot),
+    entry!(nmt_command_invalid),
+    entry!(nmt_command_ignored),
+    entry!(service_in_stopped),
+    entry!(guard_toggle),
+    entry!(guard_with_heartbeat),
+    entry!(heartbeat_period),
+    entry!(heartbeat_consumer),
+    entry!(emcy_register),
+    entry!(emcy_history),
+    entry!(emcy_repeated),
+    entry!(emcy_missing),
     entry!(pdo_outside_operational),
     entry!(pdo_short),
     entry!(pdo_long),
+    entry!(sync_counter),
+    entry!(pdo_sync_cyclic),
+    entry!(pdo_sync_acyclic),
+    entry!(pdo_event_timer),
+    entry!(pdo_inhibit_time),
+    entry!(pdo_rtr),
+    entry!(lss_sequence),
+    entry!(time_not_monotonic),
 ];

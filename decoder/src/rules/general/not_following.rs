@@ -14,8 +14,8 @@ declare_rule! {
     /// # What it checks
     /// A measured value stays away from the set point that the device's profile pairs with it, by more than a share of
     /// full scale, while that set point acts, and does not come nearer. Nothing is judged in open-loop modes, where
-    /// calibrations or ramps run, where a condition of the set point is not known, and where another measured value
-    /// of the same output follows its set point: that one limits.
+    /// calibrations or ramps run, where a condition of the set point is not known, and where another set point of
+    /// the same output is followed, or is not measured: that one may limit.
     ///
     /// # Why it matters
     /// The machine does not do what is commanded: something sticks, leaks, or is limited by another controller.
@@ -234,10 +234,12 @@ impl Rule for NotFollowing {
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match (&event.kind, event.node) {
-            (EventKind::Pdo(pdo), _) => {
-                if !self.pairs.is_empty() && pdo.name.direction == PdoDirection::Transmit && !pdo.is_request {
-                    self.pdo(event, pdo, context);
-                }
+            (EventKind::Pdo(pdo), _)
+                if !self.pairs.is_empty()
+                    && pdo.name.direction == PdoDirection::Transmit
+                    && !pdo.is_request =>
+            {
+                self.pdo(event, pdo, context);
             }
             (EventKind::SetPoint(point), Some(node)) => self.set_point(event, node, point, context),
             (EventKind::BootUp { .. }, Some(node)) => {
@@ -266,8 +268,9 @@ impl Rule for NotFollowing {
         let Some((since, _)) = pair.since else { return };
         let due = since.saturating_add(pair.time);
         let limits = self.pairs.iter().any(|other| {
-            (other.node, other.channel) == (pair.node, pair.channel)
-                && other.off(self.share).is_some_and(|(off, most)| off <= most)
+            let is_same = (other.node, other.channel) == (pair.node, pair.channel);
+            // What is not measured may limit too.
+            is_same && other.target.is_some() && other.off(self.share).is_none_or(|(off, most)| off <= most)
         });
         if due > context.now || limits {
             let again = if limits { context.now.saturating_add(pair.time) } else { due };

@@ -4,7 +4,7 @@ use super::cob_id_restricted::is_restricted;
 use super::facts::{INVALID, identifier, sure};
 use crate::event::{Crc, Direction, Mode, SdoIrregularityKind, SdoTransfer};
 use crate::profile::object::Access;
-use crate::profile::{DataType, Device, Object, PdoName, integer, little_endian};
+use crate::profile::{DataType, Device, Object, PdoName, integer, little_endian, plain_device};
 use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
 
@@ -17,9 +17,14 @@ const COMMUNICATION: u16 = 0x2000;
 /// Reserved by CiA 301: no device has it.
 const RESERVED: u16 = 0x1004;
 
+/// Whether the device's own dictionary describes an object, not only a standard.
+pub(super) fn is_told(device: &Device, object: ObjectAddress) -> bool {
+    device.full_id != plain_device().full_id && device.dictionary.is_own(object)
+}
+
 /// Access by SDO, where what tells it is the device's own word, or the standard leaves it no choice.
 pub(super) fn access(device: &Device, object: ObjectAddress) -> Option<Access> {
-    let is_told = device.dictionary.is_own(object) || MANDATORY.contains(&object.index);
+    let is_told = is_told(device, object) || MANDATORY.contains(&object.index);
     device.dictionary.find(object).filter(|_| is_told)?.entry?.access
 }
 
@@ -91,7 +96,7 @@ fn missing(device: &Device, object: ObjectAddress) -> Option<&'static str> {
 
 /// Bytes that do not fit the type. Four may mean that their number was not told.
 fn of_length(transfer: &SdoTransfer, device: &Device, object: ObjectAddress) -> Option<&'static str> {
-    let is_told = device.dictionary.is_own(object) || object.index < COMMUNICATION;
+    let is_told = is_told(device, object) || object.index < COMMUNICATION;
     let bits = device.dictionary.data_type(object).and_then(DataType::bits).filter(|_| is_told)?;
     let sent = transfer.announced.map_or(transfer.size, u64::from);
     let wanted = u64::from(bits.div_ceil(8));

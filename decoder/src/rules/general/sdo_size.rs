@@ -1,6 +1,7 @@
 //! Sizes of SDO transfers.
 
 use super::facts::about;
+use super::sdo_situation::is_told;
 use crate::event::{Direction, Event, EventKind, Mode, Outcome, SdoTransfer};
 use crate::finding::Severity;
 use crate::profile::DataType;
@@ -68,8 +69,8 @@ impl Rule for SdoSize {
 fn bytes_of_type(event: &Event, transfer: &SdoTransfer, context: &Context<'_>) -> Option<u64> {
     let is_read = transfer.direction == Some(Direction::Upload) && transfer.mode == Some(Mode::Expedited);
     let object = transfer.object.filter(|_| is_read)?;
-    let dictionary = &context.node(event)?.device().dictionary;
-    let is_told = dictionary.is_own(object) || object.index < 0x2000;
-    let bits = dictionary.data_type(object).and_then(DataType::bits).filter(|_| is_told)?;
+    let device = context.node(event)?.device();
+    let is_told = is_told(device, object) || object.index < 0x2000;
+    let bits = device.dictionary.data_type(object).and_then(DataType::bits).filter(|_| is_told)?;
     Some(u64::from(bits.div_ceil(8)))
 }

@@ -12,8 +12,8 @@ use crate::wire::canopen::{NmtState, ObjectAddress};
 declare_rule! {
     /// # What it checks
     /// A set point other than 0 is sent while a condition of the device for it to act is not met, and that for
-    /// longer than it takes to bring the device there. Conditions the bus does not show do not count, nor does a
-    /// calibration that the master began.
+    /// longer than it takes to bring the device there. Conditions the bus does not show do not count, and nothing is
+    /// judged while a calibration runs.
     ///
     /// # Why it matters
     /// The controller commands a movement that does not come; when the condition is met later, it comes at once.
@@ -116,8 +116,11 @@ impl Point {
         let is_sure = |gate: &&GateState| {
             gate.set_point == self.object
                 && gate.status == GateStatus::Closed
-                && !node.is_some_and(|node| rests_on_command(node, gate) || is_calibrated(node, gate))
+                && !node.is_some_and(|node| rests_on_command(node, gate))
         };
+        if node.is_some_and(is_calibrated) {
+            return false;
+        }
         let Some(gate) = gates.iter().find(is_sure) else { return false };
         // A state that follows the control word shows that the contents of the PDOs are as assumed.
         let is_shown = node.is_some_and(|node| node.device_states().next().is_some());
@@ -133,10 +136,9 @@ impl Point {
     }
 }
 
-/// Whether a gate is closed by a procedure that takes its time, so that nobody expects set points to act.
-fn is_calibrated(node: &Node, gate: &GateState) -> bool {
-    node.procedures()
-        .any(|procedure| procedure.takes_over && procedure.seconds.is_some() && procedure.name == gate.detail)
+/// Whether a procedure that takes its time has the outputs: nobody expects set points to act.
+fn is_calibrated(node: &Node) -> bool {
+    node.procedures().any(|procedure| procedure.takes_over && procedure.seconds.is_some())
 }
 
 /// Whether a gate is closed by an NMT state that only a command tells.

@@ -1,6 +1,6 @@
 //! A device leaves its active state although it is still commanded.
 
-use crate::event::{BootCause, DeviceCause, DeviceState, Event, EventKind};
+use crate::event::{BootCause, DeviceCause, DeviceState, Direction, Event, EventKind, SdoTransfer};
 use crate::finding::Severity;
 use crate::rules::declaration::declare_rule;
 use crate::rules::machines::{about, machine, stays};
@@ -26,7 +26,7 @@ declare_rule! {
     /// # Mutation
     /// set the status word of an active device to fault
     "state-lost", Error, "a device leaves its active state although it is still commanded",
-    kinds: ["device-state", "nmt-command", "boot-up"],
+    kinds: ["device-state", "nmt-command", "boot-up", "sdo-transfer"],
     word: "STATE",
 }
 
@@ -35,7 +35,7 @@ const WINDOW: i64 = 2_000_000_000;
 
 #[derive(Default)]
 pub(super) struct StateLost {
-    /// When the master stopped or reset a node last.
+    /// When the master stopped or reset a node last, or wrote its control word by SDO.
     commanded: NodeMap<i64>,
     all_commanded: Option<i64>,
 }
@@ -85,6 +85,15 @@ impl StateLost {
     }
 }
 
+/// Whether a transfer writes a control word.
+fn is_control(event: &Event, transfer: &SdoTransfer, context: &Context<'_>) -> bool {
+    transfer.direction == Some(Direction::Download)
+        && context.node(event).is_some_and(|node| {
+            let mut machines = node.device().machines.iter();
+            machines.any(|machine| transfer.object == Some(machine.control.object.object))
+        })
+}
+
 fn cause(state: &DeviceState) -> String {
     let frame = state.cause_frame;
     match (state.cause, state.emcy) {
@@ -102,6 +111,10 @@ impl Rule for StateLost {
             (EventKind::NmtCommand { target: 0, .. }, _) => self.all_commanded = Some(context.now),
             (EventKind::NmtCommand { target, .. }, _) => self.note(NodeId::Canopen(*target), context.now),
             (EventKind::BootUp { cause: BootCause::Commanded { .. }, .. }, Some(node)) => {
+                self.note(node, context.now);
+            }
+            // A control word by SDO is not the one sent last in a PDO.
+            (EventKind::SdoTransfer(transfer), Some(node)) if is_control(event, transfer, context) => {
                 self.note(node, context.now);
             }
             _ => {}

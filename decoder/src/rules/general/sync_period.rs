@@ -204,11 +204,11 @@ impl SyncPeriod {
 
     fn producers(event: &Event, context: &mut Context<'_>) {
         let produces = |node: &&Node| sure_number(node, COB_ID).is_some_and(|id| id & PRODUCES != 0);
-        let producers: Vec<String> =
+        let all: Vec<String> =
             context.bus.nodes().filter(produces).map(|node| node.id().to_string()).collect();
-        if producers.len() > 1 {
+        if all.len() > 1 {
             let alarm = context.fail(event).about(About::Object(COB_ID));
-            alarm.say(|| format!("nodes {} are all configured to produce SYNC", producers.join(", ")));
+            alarm.say(|| format!("nodes {} are all configured to produce SYNC", all.join(", ")));
         }
     }
 }

@@ -141,11 +141,7 @@ impl Rule for ValueOutOfRange {
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {
-            EventKind::Pdo(pdo) => {
-                if !event.routine && !pdo.is_request {
-                    self.pdo(event, pdo, context);
-                }
-            }
+            EventKind::Pdo(pdo) if !event.routine && !pdo.is_request => self.pdo(event, pdo, context),
             EventKind::SdoTransfer(transfer) => written(event, transfer, context),
             _ => {}
         }
