@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use super::causes::causes;
 use super::context::{Context, LEDGER, Wake};
+use super::device::{self, DeviceRules};
 use super::ledger::{Ledger, News, What, occurrence};
 use super::setup::Setup;
 use super::traffic::Traffic;
@@ -41,6 +42,8 @@ struct BusJudge {
     now: i64,
     silence: i64,
     has_time: bool,
+    /// Step of the stamps in nanoseconds.
+    granularity: i64,
 }
 
 impl Engine {
@@ -69,13 +72,14 @@ impl Engine {
     pub fn event(&mut self, event: &Event, bus: &Bus, out: &mut dyn Observer) {
         let index = usize::from(bus.index().0);
         while self.buses.len() <= index {
-            self.buses.push(BusJudge::new(bus, &self.setup, &self.ledger));
+            self.buses.push(BusJudge::new(bus, &self.setup, &mut self.ledger));
         }
         self.events += 1;
         if let EventKind::TestCase(marker) = &event.kind {
             self.ledger.mark(*marker, event.frames.last);
         }
         if let Some(judge) = self.buses.get_mut(index) {
+            judge.granularity = self.quality.granularity().unwrap_or(0);
             judge.event(event, bus, &mut self.ledger);
             if self.explaining.contains(&event.kind) {
                 self.ledger.saw(event.kind.name(), bus.index(), judge.now);
@@ -173,7 +177,7 @@ fn notes(quality: &Quality) -> Vec<String> {
 }
 
 impl BusJudge {
-    fn new(bus: &Bus, setup: &Setup, ledger: &Ledger) -> Self {
+    fn new(bus: &Bus, setup: &Setup, ledger: &mut Ledger) -> Self {
         let mut judge = Self {
             name: bus.name().into(),
             rules: Vec::new(),
@@ -183,7 +187,10 @@ impl BusJudge {
             now: i64::MIN,
             silence: 0,
             has_time: false,
+            granularity: 0,
         };
+        let devices = DeviceRules::new(bus, ledger);
+        judge.add(0, devices.wanted(), Box::new(devices));
         for (place, entry) in REGISTRY.iter().enumerate() {
             let is_on = ledger.rules.get(place).is_some_and(|rule| rule.is_on);
             if let (true, Ok(rule)) = (is_on, u16::try_from(place)) {
@@ -225,6 +232,7 @@ impl BusJudge {
                 bus,
                 now: self.now,
                 has_time: self.has_time,
+                granularity: self.granularity,
                 traffic: &self.traffic,
                 silence: self.silence,
                 bus_name: &self.name,
@@ -234,6 +242,21 @@ impl BusJudge {
                 wakes: &mut self.wakes,
             };
             made.event(event, &mut context);
+        }
+        if device::attaches(&event.kind) {
+            self.listen();
+        }
+    }
+
+    /// What is asked for by the rules of devices changed: they stand first, and explain others.
+    #[cold]
+    fn listen(&mut self) {
+        let Some(kinds) = self.rules.first().and_then(|(_, devices)| devices.kinds()) else { return };
+        for (kind, list) in self.by_kind.iter_mut().enumerate() {
+            list.retain(|place| *place != 0);
+            if kinds.places().any(|own| own == kind) {
+                list.insert(0, 0);
+            }
         }
     }
 
@@ -264,6 +287,7 @@ impl BusJudge {
             bus,
             now: self.now,
             has_time: self.has_time,
+            granularity: self.granularity,
             traffic: &self.traffic,
             silence: self.silence,
             bus_name: &self.name,
@@ -281,6 +305,7 @@ impl BusJudge {
                 bus,
                 now: self.now,
                 has_time: self.has_time,
+                granularity: self.granularity,
                 traffic: &self.traffic,
                 silence: self.silence,
                 bus_name: &self.name,
