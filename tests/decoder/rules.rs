@@ -225,7 +225,9 @@ fn device_rules() -> BTreeSet<String> {
         let device = catalogue.device(&id).unwrap();
         let variants = device.variants.iter().map(|variant| format!("{id}:{}", variant.id));
         let all = variants.map(|variant| catalogue.device(&variant).unwrap()).chain([Arc::clone(&device)]);
-        names.extend(all.flat_map(|it| it.rules.iter().map(|rule| format!("{id}:{}", rule.name)).collect::<Vec<_>>()));
+        names.extend(
+            all.flat_map(|it| it.rules.iter().map(|rule| format!("{id}:{}", rule.name)).collect::<Vec<_>>()),
+        );
     }
     names
 }

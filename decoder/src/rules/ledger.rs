@@ -1,17 +1,19 @@
 //! Where findings are kept while a capture is judged: groups, tallies, what explains what.
 
+mod taken;
+
 use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::sync::Arc;
 
 use foldhash::fast::FixedState;
 
+use self::taken::Taken;
 use super::causes::{Effect, Explained, causes};
 use super::conformance::{Run, Standing};
 use super::setup::Setup;
 use crate::event::{FindingNews, FrameRange};
 use crate::finding::{
-    About, Cause, Findings, GROUP_LIMIT, Group, KEPT_OCCURRENCES, Key, Occurrence, RuleInfo, RuleOrigin,
-    Severity, Tally,
+    About, Cause, Findings, GROUP_LIMIT, Group, KEPT_OCCURRENCES, Key, Occurrence, RuleInfo, Severity, Tally,
 };
 use crate::frame::{BusIndex, Timestamp};
 use crate::session::Bus;
@@ -20,13 +22,6 @@ use crate::wire::canopen::test_marker::TestMarker;
 
 /// A finding that does not come again for so long is closed, in nanoseconds.
 pub(super) const QUIET: i64 = 5_000_000_000;
-
-/// Rules of all devices of a capture, beside the general ones.
-const DEVICE_RULE_LIMIT: usize = 4096;
-
-/// A finding of a device's rule takes in those with the same cause that come so long before or after it, in nanoseconds:
-/// what a calibration ends with may be told a minute behind what was wrong at its start.
-const TAKEN_IN: i64 = 60_000_000_000;
 
 /// What a rule says of something that is wrong.
 pub(super) struct Claim {
@@ -86,8 +81,8 @@ pub(super) struct Ledger {
     by_key: HashMap<Key, usize, FixedState>,
     /// The last group of a rule on a bus (and at a node), and when it was seen last.
     latest: HashMap<Place, (usize, i64), FixedState>,
-    /// By the name of a rule, rules of devices whose findings have the same cause.
-    taken_in: HashMap<Arc<str>, Vec<u16>, FixedState>,
+    /// Which findings rules of devices take in.
+    taken: Taken,
     /// When a kind of event was seen last on a bus.
     kinds: HashMap<(&'static str, BusIndex), i64, FixedState>,
     ungrouped: u64,
@@ -108,46 +103,12 @@ impl Ledger {
             courses: Vec::new(),
             by_key: HashMap::default(),
             latest: HashMap::default(),
-            taken_in: HashMap::default(),
+            taken: Taken::default(),
             kinds: HashMap::default(),
             ungrouped: 0,
             run: Run::default(),
             news: Vec::new(),
         }
-    }
-
-    /// The place of a rule of a device, known from now on; `None` where it is switched off, or finds no room.
-    pub(super) fn add_rule(&mut self, mut info: RuleInfo, takes_in: Vec<Arc<str>>) -> Option<u16> {
-        if let Some(place) = self.rules.iter().position(|known| known.name == info.name) {
-            return u16::try_from(place)
-                .ok()
-                .filter(|_| self.rules.get(place).is_some_and(|rule| rule.is_on));
-        }
-        let own = self.rules.iter().filter(|rule| rule.origin == RuleOrigin::Device).count();
-        let place = u16::try_from(self.rules.len()).ok().filter(|_| own < DEVICE_RULE_LIMIT)?;
-        info.is_on = !self.setup.is_off(&info.name);
-        info.severity = self.setup.severity(&info.name).unwrap_or(info.severity);
-        let is_on = info.is_on;
-        self.rules.push(info);
-        self.tallies.push(Tally::default());
-        for effect in takes_in.into_iter().filter(|_| is_on) {
-            self.taken_in.entry(effect).or_default().push(place);
-        }
-        is_on.then_some(place)
-    }
-
-    /// The finding of a device's rule at the same node that has the same cause, and when it was seen last.
-    fn takes_in(&self, rule: &RuleInfo, key: &Key) -> Option<(&Group, i64)> {
-        self.taken_in.get(&rule.name)?.iter().find_map(|by| {
-            let same = Key { rule: *by, ..key.clone() };
-            let latest = self.latest.get(&(*by, key.bus, key.node)).map(|(place, _)| place);
-            let place = *self.by_key.get(&same).or(latest)?;
-            let (group, course) = (self.groups.get(place)?, self.courses.get(place)?);
-            // What concerns another object is another matter.
-            let is_other =
-                matches!((&group.key.about, &key.about), (About::Object(by), About::Object(of)) if by != of);
-            (!is_other && group.key != *key).then_some((group, course.last))
-        })
     }
 
     #[inline]
@@ -210,6 +171,9 @@ impl Ledger {
         let severity = self.severity(claim, opens);
         let rises = self.groups.get(place).is_some_and(|group| severity.0 > group.severity);
         self.note(place, claim, opens || rises, text);
+        if opens {
+            self.take_in(claim);
+        }
         self.open(place, claim, severity, opens, rises)
     }
 
@@ -333,10 +297,8 @@ impl Ledger {
 
     /// What explains a finding of this rule.
     fn explanation(&self, rule: &RuleInfo, claim: &Claim) -> Option<Explained> {
-        if let Some((group, seen)) = self.takes_in(rule, &claim.key)
-            && seen >= claim.now.saturating_sub(TAKEN_IN)
-        {
-            return Some(Explained { effect: Effect::Same, by: Cause::Group(group.id) });
+        if let Some(by) = self.taken_in_by(rule, claim) {
+            return Some(Explained { effect: Effect::Same, by: Cause::Group(by) });
         }
         for cause in causes().of(rule) {
             let from = claim.now.saturating_sub(cause.within);
@@ -478,10 +440,8 @@ impl Ledger {
         let mut links = Vec::new();
         for (place, group) in self.groups.iter().enumerate().filter(|(_, group)| group.cause.is_none()) {
             let Some(rule) = self.rules.get(usize::from(group.key.rule)) else { continue };
-            if let Some((by, _)) = self.takes_in(rule, &group.key)
-                && near(group.began().time, by.began().time, TAKEN_IN)
-            {
-                links.push((place, by.id, Effect::Same));
+            if let Some(by) = self.taken_in_late(rule, group) {
+                links.push((place, by, Effect::Same));
                 continue;
             }
             for cause in causes().of(rule).filter(|cause| cause.effect != Effect::Quality) {
