@@ -24,6 +24,8 @@ mod j1939;
 mod j1939_nm;
 mod limits;
 mod malformed;
+mod mutations;
+mod mutator;
 mod profiles;
 mod properties;
 mod replay;

@@ -2,7 +2,7 @@
 //! finding may come.
 //!
 //! ```text
-//! #! --node 5=wandfluh-md2:amplifier     what is known beside the capture; --protocol canopen
+//! #! --node 5=wandfluh-md2:amplifier     what is known beside the capture; --protocol canopen; --dbc dbc/signals.dbc
 //! #| [node.5]                            lines of a bus file
 //! (1700000000.000000) can0 705#05
 //! #~ node-lost node=5 severity=error     a finding that opens at the frame above (or a deadline before it)
@@ -23,6 +23,7 @@ use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::finding::Findings;
 use cobscope_decoder::profile::Catalogue;
+use cobscope_decoder::profile::dbc::{self, Database};
 use cobscope_decoder::rules::{Engine, HEADINGS, Judge, Setup, declarations, section};
 use cobscope_decoder::session::{AssignedBy, Assignment, Bus, ProtocolChoice, SessionOptions};
 
@@ -30,6 +31,12 @@ use crate::support::workspace;
 
 /// A capture with what is marked in it.
 pub struct Annotated {
+    name: String,
+    /// Its frames alone.
+    pub frames: String,
+    /// What is known beside it.
+    pub options: SessionOptions,
+    /// How it is judged.
     /// Name of its file.
     pub name: String,
     /// Its lines.
@@ -49,7 +56,12 @@ fn folder() -> PathBuf {
 /// Reads a capture with what is marked in it.
 pub fn read(path: &Path) -> Annotated {
     let text = fs::read_to_string(path).unwrap();
-    let name = path.file_name().unwrap().to_string_lossy().into_owned();
+    parse(&path.file_name().unwrap().to_string_lossy(), &text)
+}
+
+/// An annotated capture.
+pub fn parse(name: &str, text: &str) -> Annotated {
+    let name = name.to_owned();
     let mut bus_file = String::new();
     let mut options = SessionOptions::default();
     let mut catalogue = Catalogue::default();
@@ -91,6 +103,12 @@ fn option(text: &str, options: &mut SessionOptions, catalogue: &mut Catalogue) {
             let device = catalogue.device(profile).unwrap();
             let node = node.parse().unwrap();
             options.assignments.push(Assignment { bus: None, node, device, by: AssignedBy::Option });
+        }
+        ["--dbc", file] => {
+            let text = fs::read(workspace().join("fixtures").join(file)).unwrap();
+            let mut database = Database::default();
+            database.add(dbc::parse(&text).unwrap());
+            options.database = Arc::new(database);
         }
         ["--protocol", "canopen"] => options.protocol = ProtocolChoice::Canopen,
         _ => panic!("no option of a fixture: {text}"),

@@ -5,6 +5,7 @@ use std::collections::BinaryHeap;
 use std::sync::Arc;
 
 use super::ledger::{Claim, Ledger, occurrence};
+use super::meter::Meter;
 use super::traffic::Traffic;
 use crate::event::{Certainty, Event, FrameRange};
 use crate::finding::{About, Key, Occurrence, Severity};
@@ -28,6 +29,10 @@ pub struct Context<'a> {
     pub has_time: bool,
     /// PDOs by identifier.
     pub traffic: &'a Traffic,
+    /// Frames in all.
+    pub meter: &'a Meter,
+    /// A conformance test marks its cases on this bus: what it asks for that must be refused is deliberate.
+    pub is_tested: bool,
     /// Silences left out so far, in nanoseconds.
     pub(super) silence: i64,
     pub(super) bus_name: &'a Arc<str>,
@@ -166,6 +171,12 @@ impl<'b, 'a> Alarm<'b, 'a> {
     /// Other frames than the event's.
     pub fn frames(mut self, frames: FrameRange) -> Self {
         self.at.frames = frames;
+        self
+    }
+
+    /// It is about the bus itself, whatever its protocol.
+    pub fn certain(mut self) -> Self {
+        self.is_presumed = false;
         self
     }
 

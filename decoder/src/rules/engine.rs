@@ -7,6 +7,7 @@ use std::sync::Arc;
 use super::causes::causes;
 use super::context::{Context, LEDGER, Wake};
 use super::ledger::{Ledger, News, What, occurrence};
+use super::meter::Meter;
 use super::setup::Setup;
 use super::traffic::Traffic;
 use super::{REGISTRY, Rule};
@@ -16,6 +17,7 @@ use crate::frame::Frame;
 use crate::query::{KIND_COUNT, KindSet};
 use crate::session::{Bus, Observer};
 use crate::statistics::Quality;
+use crate::wire::canopen::conformance;
 
 /// Judges one capture. A rule sees one bus only: each has rules of its own.
 pub struct Engine {
@@ -37,6 +39,9 @@ struct BusJudge {
     /// Places in `rules` by kind of event.
     by_kind: [Vec<u16>; KIND_COUNT],
     traffic: Traffic,
+    meter: Meter,
+    has_begun: bool,
+    is_tested: bool,
     wakes: BinaryHeap<Wake>,
     now: i64,
     silence: i64,
@@ -62,6 +67,9 @@ impl Engine {
     #[inline]
     pub fn frame(&mut self, frame: &Frame) {
         self.quality.frame(frame);
+        if let Some(judge) = self.buses.get_mut(usize::from(frame.bus.0)) {
+            judge.meter.frame(frame);
+        }
     }
 
     /// Judges an event. News of findings go to `out` as events of their own.
@@ -101,7 +109,7 @@ impl Engine {
     /// The capture ended: closes what is open, and gives everything that was judged.
     pub fn finish(mut self, buses: &[Bus], out: &mut dyn Observer) -> Findings {
         for (judge, bus) in self.buses.iter_mut().zip(buses) {
-            judge.finish(bus, &mut self.ledger);
+            judge.all(bus, &mut self.ledger, |rule, context| rule.finish(context));
             self.ledger.close_all(bus);
         }
         let made_up = self.quality.made_up_interval();
@@ -182,6 +190,9 @@ impl BusJudge {
             rules: Vec::new(),
             by_kind: std::array::from_fn(|_| Vec::new()),
             traffic: Traffic::default(),
+            meter: Meter::new(bus.bit_rate()),
+            has_begun: false,
+            is_tested: false,
             wakes: BinaryHeap::new(),
             now: i64::MIN,
             silence: 0,
@@ -224,9 +235,15 @@ impl BusJudge {
             self.has_time = true;
             self.pass_time(monotonic, bus, ledger);
         }
+        if !std::mem::replace(&mut self.has_begun, true) {
+            self.all(bus, ledger, |rule, context| rule.begin(context));
+        }
         match &event.kind {
             EventKind::Pdo(pdo) => self.traffic.saw_pdo(pdo, self.now, event.frames.last),
             EventKind::Sync { .. } => self.traffic.saw_sync(),
+            EventKind::Frame(frame) if frame.frame.id == conformance::IDENTIFIER => {
+                self.is_tested |= conformance::parse(frame.frame.data()).is_some();
+            }
             _ => {}
         }
         let Some(list) = self.by_kind.get(KindSet::place(&event.kind)) else { return };
@@ -237,6 +254,8 @@ impl BusJudge {
                 now: self.now,
                 has_time: self.has_time,
                 traffic: &self.traffic,
+                meter: &self.meter,
+                is_tested: self.is_tested,
                 silence: self.silence,
                 bus_name: &self.name,
                 rule: *rule,
@@ -276,6 +295,8 @@ impl BusJudge {
             now: self.now,
             has_time: self.has_time,
             traffic: &self.traffic,
+            meter: &self.meter,
+            is_tested: self.is_tested,
             silence: self.silence,
             bus_name: &self.name,
             rule: *rule,
@@ -286,13 +307,17 @@ impl BusJudge {
         made.wake(token, &mut context);
     }
 
-    fn finish(&mut self, bus: &Bus, ledger: &mut Ledger) {
+    /// Calls all rules.
+    #[cold]
+    fn all(&mut self, bus: &Bus, ledger: &mut Ledger, call: fn(&mut dyn Rule, &mut Context<'_>)) {
         for (place, (rule, made)) in self.rules.iter_mut().enumerate() {
             let mut context = Context {
                 bus,
                 now: self.now,
                 has_time: self.has_time,
                 traffic: &self.traffic,
+                meter: &self.meter,
+                is_tested: self.is_tested,
                 silence: self.silence,
                 bus_name: &self.name,
                 rule: *rule,
@@ -300,7 +325,7 @@ impl BusJudge {
                 ledger,
                 wakes: &mut self.wakes,
             };
-            made.finish(&mut context);
+            call(&mut **made, &mut context);
         }
     }
 }

@@ -8,6 +8,7 @@
 //! fixture `fixtures/rules/<name>.log` its proof. It sees the events of one bus, asks to be woken at deadlines,
 //! and keeps what it must remember; a rule never parses bytes.
 
+mod abort_codes;
 mod causes;
 pub mod conformance;
 mod context;
@@ -16,6 +17,8 @@ mod engine;
 mod expectation;
 mod general;
 mod ledger;
+mod machines;
+mod meter;
 mod nodes;
 mod setup;
 mod traffic;
@@ -25,6 +28,7 @@ pub use declaration::{Declaration, HEADINGS, Tolerance, section};
 pub use engine::{Engine, Judge};
 pub use expectation::Expectation;
 pub use general::REGISTRY;
+pub use meter::{Meter, Second};
 pub use nodes::{NodeMap, NodeSet};
 pub use setup::Setup;
 pub use traffic::{PdoSlot, Traffic};
@@ -33,6 +37,9 @@ use crate::event::Event;
 
 /// Judges the events of one bus.
 pub trait Rule {
+    /// Called before the first event.
+    fn begin(&mut self, _context: &mut Context<'_>) {}
+
     /// An event of one of the kinds it declared.
     fn event(&mut self, event: &Event, context: &mut Context<'_>);
 

@@ -7,8 +7,9 @@ use super::declaration::Declaration;
 use super::declarations;
 use super::expectation::Expectation;
 use crate::bus_file::{self, BusFile, RuleSettings, Suppression};
-use crate::finding::{Group, RuleInfo, Severity};
+use crate::finding::{Group, RuleInfo, Severity, SuppressionUse};
 use crate::profile::TextError;
+use crate::wire::NodeId;
 
 /// Rules, tolerances, suppressions.
 #[derive(Debug, Clone)]
@@ -58,6 +59,14 @@ impl Setup {
             }
         }
         Ok(setup)
+    }
+
+    /// Whether there is such a rule, for who names it on the command line.
+    ///
+    /// # Errors
+    /// There is none; the text says which are like it.
+    pub fn check_name(&self, rule: &str) -> Result<(), String> {
+        if self.knows(rule) { Ok(()) } else { Err(self.unknown(rule)) }
     }
 
     fn expect(&mut self, written: &bus_file::Expectation, text: &str) -> Result<(), TextError> {
@@ -155,20 +164,25 @@ impl Setup {
         matches!((&suppression.until, &self.today), (Some(until), Some(today)) if until < today)
     }
 
-    /// What is to be said of suppressions that met nothing, or ran out.
-    pub(super) fn unused(&self, groups: &[Group]) -> Vec<String> {
-        let mut said = Vec::new();
-        for one in &self.suppressions {
-            let what = &one.rule;
-            if self.is_over(one) {
-                let until = one.until.as_deref().unwrap_or_default();
-                said.push(format!("suppression of {what} ran out on {until}: {}", one.reason));
-            } else if !groups.iter().any(|group| covers(one, group)) {
-                said.push(format!("suppression of {what} met nothing: {}", one.reason));
-            }
-        }
-        said
+    /// What each suppression came to.
+    pub(super) fn uses(&self, groups: &[Group]) -> Vec<SuppressionUse> {
+        let uses = self.suppressions.iter().map(|one| {
+            let is_over = self.is_over(one);
+            let met = if is_over { 0 } else { groups.iter().filter(|group| covers(one, group)).count() };
+            let ended = one.until.clone().filter(|_| is_over);
+            SuppressionUse { what: what(one), reason: Arc::clone(&one.reason), ended, met }
+        });
+        uses.collect()
     }
+}
+
+/// `node-lost of can0 node 5 1018:01`.
+fn what(suppression: &Suppression) -> String {
+    let node = suppression.node.map(NodeId::words);
+    let parts = [suppression.bus.clone(), node, suppression.about.clone()];
+    let of: Vec<_> = parts.into_iter().flatten().collect();
+    let of = if of.is_empty() { String::new() } else { format!(" of {}", of.join(" ")) };
+    format!("{}{of}", suppression.rule)
 }
 
 fn covers(suppression: &Suppression, group: &Group) -> bool {
