@@ -31,19 +31,13 @@ use crate::support::workspace;
 
 /// A capture with what is marked in it.
 pub struct Annotated {
-    name: String,
+    /// Name of its file.
+    pub name: String,
     /// Its frames alone.
     pub frames: String,
     /// What is known beside it.
     pub options: SessionOptions,
     /// How it is judged.
-    /// Name of its file.
-    pub name: String,
-    /// Its lines.
-    pub frames: String,
-    /// What is known beside it.
-    pub options: SessionOptions,
-    /// What its bus file says of rules.
     pub setup: Setup,
     /// Number of the frame above, whether it closes, rule, keys.
     marks: Vec<(u64, bool, String, BTreeMap<String, String>)>,

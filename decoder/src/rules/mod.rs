@@ -24,7 +24,7 @@ mod setup;
 mod traffic;
 
 pub use context::{Alarm, Context};
-pub use declaration::{Declaration, HEADINGS, Tolerance, section};
+pub use declaration::{Declaration, HEADINGS, Tolerance, manual, section};
 pub use engine::{Engine, Judge};
 pub use expectation::Expectation;
 pub use general::REGISTRY;

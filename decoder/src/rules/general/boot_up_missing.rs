@@ -5,6 +5,7 @@ use crate::finding::Severity;
 use crate::profile::device::Boot;
 use crate::rules::declaration::{declare_rule, tolerance};
 use crate::rules::{Context, NodeMap, NodeSet, Rule, Setup};
+use crate::session::Node;
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 
@@ -78,7 +79,7 @@ impl Rule for BootUpMissing {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match (&event.kind, event.node) {
             (EventKind::NmtCommand { to: Some(NmtState::Initialising), target: 0, .. }, _) => {
-                let known: Vec<NodeId> = context.bus.nodes().map(|node| node.id()).collect();
+                let known: Vec<NodeId> = context.bus.nodes().map(Node::id).collect();
                 for node in known.into_iter().filter(|node| node.canopen().is_some()) {
                     self.reset(event, node, context);
                 }
@@ -88,7 +89,7 @@ impl Rule for BootUpMissing {
             }
             (EventKind::BootUp { .. }, Some(node)) => self.booted(node, context),
             (EventKind::Emcy(emergency), Some(node)) if emergency.boot.is_some() => {
-                self.booted(node, context)
+                self.booted(node, context);
             }
             _ => {}
         }

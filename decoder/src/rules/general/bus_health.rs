@@ -98,6 +98,15 @@ impl BusHealth {
         }
     }
 
+    /// The last whole second, where it was not judged yet. Of made-up stamps it says nothing.
+    fn latest(&mut self, context: &mut Context<'_>) {
+        let second = context.meter.last;
+        if second.number != self.seen && context.meter.has_varied {
+            self.seen = second.number;
+            self.second(&second, context);
+        }
+    }
+
     fn second(&self, second: &Second, context: &mut Context<'_>) {
         #[expect(clippy::cast_precision_loss, reason = "frames of a second")]
         let errors = second.errors as f64;
@@ -153,15 +162,11 @@ impl Rule for BusHealth {
 
     fn wake(&mut self, _token: u64, context: &mut Context<'_>) {
         context.wake_at(context.now.saturating_add(STEP), 0);
-        let second = context.meter.last;
-        // Of made-up stamps a second says nothing.
-        if second.number != self.seen && context.meter.has_varied {
-            self.seen = second.number;
-            self.second(&second, context);
-        }
+        self.latest(context);
     }
 
     fn finish(&mut self, context: &mut Context<'_>) {
+        self.latest(context);
         let (errors, frames) = (context.meter.errors, context.meter.frames);
         if frames < JUDGED {
             return;

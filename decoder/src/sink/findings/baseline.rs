@@ -190,7 +190,7 @@ mod tests {
         let baseline = Baseline { version: 1, findings: vec![known; 2], verdicts: vec![verdict] };
         let text = baseline.text();
         assert_eq!(Baseline::parse(&text).unwrap(), baseline);
-        assert_eq!(text.lines().count(), 9, "{text}");
+        assert_eq!(text.lines().count(), 10, "{text}");
         let empty = Baseline { version: 1, ..Baseline::default() };
         assert_eq!(Baseline::parse(&empty.text()).unwrap(), empty);
     }

@@ -14,6 +14,9 @@ pub fn write(report: &Report, out: &mut String) {
         if let Some(failure) = &judged.failure {
             command(out, "error", &place(judged, None), "unreadable", failure);
         }
+        for note in &judged.findings.quality {
+            command(out, "notice", &place(judged, None), "quality", note);
+        }
         for rule in &judged.comparison.silent {
             let text = "not exercised any more: the baseline has it exercised";
             command(out, "error", &place(judged, None), rule, text);

@@ -75,3 +75,69 @@ pub(super) fn absorbed(judged: &Judged) -> BTreeMap<u64, usize> {
     }
     counts
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::finding::{About, Key};
+    use crate::frame::BusIndex;
+
+    fn group(id: u64, severity: Severity, cause: Option<u64>) -> Group {
+        Group {
+            id,
+            key: Key { rule: 0, bus: BusIndex(0), node: None, about: About::Whole },
+            rule: "r".into(),
+            bus: "can0".into(),
+            node_name: None,
+            severity,
+            text: format!("text {id}"),
+            worst: None,
+            count: 1,
+            first: Vec::new(),
+            last: std::collections::VecDeque::new(),
+            cause: cause.map(Cause::Group),
+            is_absorbed: false,
+            downgraded: None,
+            suppressed: None,
+            is_open: false,
+        }
+    }
+
+    fn told(groups: Vec<Group>) -> Vec<Vec<(usize, u64)>> {
+        let mut judged = Judged::default();
+        judged.findings.groups = groups;
+        let all = incidents(&judged);
+        all.iter()
+            .map(|incident| incident.groups.iter().map(|(depth, group)| (*depth, group.id)).collect())
+            .collect()
+    }
+
+    #[test]
+    fn effects_stand_under_their_cause_and_the_worst_incident_first() {
+        let groups = vec![
+            group(1, Severity::Warning, None),
+            group(2, Severity::Note, Some(4)),
+            group(3, Severity::Error, Some(2)),
+            group(4, Severity::Note, None),
+            group(5, Severity::Note, Some(4)),
+        ];
+        assert_eq!(told(groups), [vec![(0, 4), (1, 2), (2, 3), (1, 5)], vec![(0, 1)]]);
+    }
+
+    #[test]
+    fn what_explains_each_other_is_told_once() {
+        let groups = vec![
+            group(1, Severity::Error, Some(2)),
+            group(2, Severity::Error, Some(1)),
+            group(3, Severity::Error, Some(9)),
+        ];
+        assert_eq!(told(groups), [vec![(0, 1), (1, 2)], vec![(0, 3)]]);
+    }
+
+    #[test]
+    fn an_effect_of_what_does_not_count_stands_for_itself() {
+        let mut cause = group(1, Severity::Error, None);
+        cause.suppressed = Some("known".into());
+        assert_eq!(told(vec![cause, group(2, Severity::Note, Some(1))]), [vec![(0, 2)]]);
+    }
+}

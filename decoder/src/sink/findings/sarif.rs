@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 use super::baseline::portable;
 use super::{Judged, Report, Standing, notes, what, who};
 use crate::finding::{Cause, Group, Occurrence, RuleInfo, RuleOrigin, Severity};
+use crate::rules::manual;
 use crate::sink::escape;
 
 /// Where the schema of this form is found.
@@ -95,21 +96,20 @@ pub fn write(report: &Report, out: &mut String) {
 
 /// What is known of a rule.
 fn rule(rule: &RuleInfo) -> Value {
-    let explanation = rule.explanation.lines().map(|line| line.strip_prefix(' ').unwrap_or(line));
-    let markdown = explanation.clone().collect::<Vec<_>>().join("\n");
-    let text = explanation.map(|line| line.trim_start_matches("# ")).collect::<Vec<_>>().join("\n");
+    let markdown = manual(&rule.explanation);
+    let text = markdown.lines().map(|line| line.trim_start_matches("# ")).collect::<Vec<_>>().join("\n");
     let mut tags = vec![rule.origin.name().to_owned()];
     tags.extend(rule.cases.iter().map(|case| format!("ctt-{case}")));
     if rule.is_timing {
         tags.push("timing".into());
     }
     let title = sentence(&rule.title);
-    let full = if text.trim().is_empty() { title.clone() } else { text.clone() };
+    let (text, markdown) = if text.is_empty() { (title.clone(), title.clone()) } else { (text, markdown) };
     json!({
         "id": *rule.name,
         "shortDescription": {"text": title},
         "fullDescription": {"text": title},
-        "help": {"text": full, "markdown": if markdown.trim().is_empty() { full.clone() } else { markdown }},
+        "help": {"text": text, "markdown": markdown},
         "defaultConfiguration": {"level": level(rule.severity), "enabled": rule.is_on},
         "properties": {
             "tags": tags,

@@ -5,18 +5,17 @@ use std::path::{Path, PathBuf};
 /// A file to judge.
 pub(super) struct Source {
     pub(super) path: PathBuf,
-    /// It was found in a folder: it may be anything.
-    pub(super) is_found: bool,
+    /// The folder it was found in or below: it may be anything.
+    pub(super) folder: Option<PathBuf>,
 }
 
 /// Files of a folder that are looked at.
 const MOST_FILES: usize = 100_000;
 
-/// Captures in the order of the command line; standard input without any. A folder without a file is given as it
-/// is, so that it fails.
+/// Captures in the order of the command line; standard input without any.
 pub(super) fn captures(named: &[PathBuf]) -> Vec<Source> {
     if named.is_empty() {
-        return vec![Source { path: "-".into(), is_found: false }];
+        return vec![Source { path: "-".into(), folder: None }];
     }
     let mut all = Vec::new();
     for path in named {
@@ -24,12 +23,19 @@ pub(super) fn captures(named: &[PathBuf]) -> Vec<Source> {
             let mut found = Vec::new();
             files_below(path, &mut found);
             found.sort();
-            all.extend(found.into_iter().map(|path| Source { path, is_found: true }));
+            let folder = Some(path.clone());
+            all.extend(found.into_iter().map(|path| Source { path, folder: folder.clone() }));
         } else {
-            all.push(Source { path: path.clone(), is_found: false });
+            all.push(Source { path: path.clone(), folder: None });
         }
     }
     all
+}
+
+/// Folders among what is named in which none of the captures judged was found.
+pub(super) fn without_captures<'a>(named: &'a [PathBuf], judged: &[&Source]) -> Vec<&'a PathBuf> {
+    let folders = named.iter().filter(|path| path.is_dir());
+    folders.filter(|path| judged.iter().all(|source| source.folder.as_ref() != Some(path))).collect()
 }
 
 /// Files in and below a folder but hidden ones; links to folders are not followed, they may lead in a circle.

@@ -88,7 +88,7 @@ impl Bench<'_> {
         };
         let decoded = match decode_quietly(path, &self.arguments.input, self.options, &mut watch) {
             Ok(decoded) => decoded,
-            Err(error) if source.is_found && is_no_capture(&error) => return Done::default(),
+            Err(error) if source.folder.is_some() && is_no_capture(&error) => return Done::default(),
             Err(error) => {
                 let failure = format!("{error:#}");
                 let said = vec![escape(&failure).into_owned()];

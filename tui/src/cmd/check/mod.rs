@@ -53,11 +53,16 @@ fn checked(arguments: &CheckArgs) -> Result<Exit, Refusal> {
     let captures = captures::captures(&arguments.input.captures);
     let judged = judge::judge_all(&captures, arguments, &options, &setup);
     let mut exit = Exit::Clean;
-    for said in judged.iter().flat_map(|one| &one.said) {
-        let _ = writeln!(std::io::stderr(), "cobscope: {said}");
-    }
-    if judged.iter().any(|one| one.has_failed) {
+    let mut said: Vec<String> = judged.iter().flat_map(|one| one.said.clone()).collect();
+    let found: Vec<_> = captures.iter().zip(&judged).filter(|(_, one)| one.judged.is_some()).collect();
+    let found: Vec<_> = found.into_iter().map(|(source, _)| source).collect();
+    let empty = captures::without_captures(&arguments.input.captures, &found);
+    if !empty.is_empty() || judged.iter().any(|one| one.has_failed) {
         exit = exit.max(Exit::Capture);
+    }
+    said.extend(empty.iter().map(|folder| format!("{}: holds no capture", folder.display())));
+    for said in said {
+        let _ = writeln!(std::io::stderr(), "cobscope: {said}");
     }
     let least = match arguments.fail_on {
         FailOn::Error => Some(Severity::Error),

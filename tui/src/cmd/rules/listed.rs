@@ -1,11 +1,12 @@
 //! All rules: the general ones, and those of the devices' manuals.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use cobscope_decoder::finding::{RuleOrigin, Severity};
 use cobscope_decoder::profile::device::DeviceRule;
 use cobscope_decoder::profile::{Catalogue, Device};
-use cobscope_decoder::rules::{Tolerance, declarations};
+use cobscope_decoder::rules::{Tolerance, declarations, manual};
 
 /// A rule with all that is known of it.
 pub(in crate::cmd) struct Listed {
@@ -40,7 +41,7 @@ pub(in crate::cmd) fn listed(catalogue: &Catalogue) -> Vec<Listed> {
             is_timing: rule.is_timing,
             origin: RuleOrigin::General,
             title: rule.title.to_owned(),
-            explanation: plain(rule.explanation),
+            explanation: manual(rule.explanation),
             tolerances: rule.tolerances,
             cases: rule.cases.iter().map(|case| (*case).to_owned()).collect(),
             source: rule.section("Source").map(|text| text.trim().to_owned()).unwrap_or_default(),
@@ -64,7 +65,7 @@ pub(in crate::cmd) fn find(catalogue: &Catalogue, name: &str) -> Option<Listed> 
 }
 
 /// Every device in each of its variants; a broken profile has none.
-fn devices(catalogue: &Catalogue) -> Vec<(String, std::sync::Arc<Device>)> {
+fn devices(catalogue: &Catalogue) -> Vec<(String, Arc<Device>)> {
     let mut all = Vec::new();
     for id in catalogue.ids() {
         let Ok(device) = catalogue.device(&id) else { continue };
@@ -81,7 +82,7 @@ fn devices(catalogue: &Catalogue) -> Vec<(String, std::sync::Arc<Device>)> {
     all
 }
 
-fn waivers(rule: &str, devices: &[(String, std::sync::Arc<Device>)]) -> Vec<(String, String)> {
+fn waivers(rule: &str, devices: &[(String, Arc<Device>)]) -> Vec<(String, String)> {
     let mut all = Vec::new();
     for (_, device) in devices {
         for waiver in device.waivers.iter().filter(|waiver| waiver.rule == rule) {
@@ -94,7 +95,7 @@ fn waivers(rule: &str, devices: &[(String, std::sync::Arc<Device>)]) -> Vec<(Str
 }
 
 /// Rules of devices by profile and name; one that several variants have is one.
-fn of_devices(devices: &[(String, std::sync::Arc<Device>)]) -> Vec<Listed> {
+fn of_devices(devices: &[(String, Arc<Device>)]) -> Vec<Listed> {
     let mut all: BTreeMap<String, (Listed, usize)> = BTreeMap::new();
     for (id, device) in devices {
         let number = devices.iter().filter(|(other, _)| other == id).count();
@@ -131,12 +132,6 @@ fn of_device(name: String, rule: &DeviceRule, device: &Device) -> Listed {
         variants: Vec::new(),
         waivers: Vec::new(),
     }
-}
-
-/// A doc comment without the blank each line of it begins with.
-fn plain(explanation: &str) -> String {
-    let lines = explanation.lines().map(|line| line.strip_prefix(' ').unwrap_or(line));
-    lines.collect::<Vec<_>>().join("\n").trim().to_owned()
 }
 
 impl Listed {
