@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use super::causes::causes;
 use super::context::{Context, LEDGER, Wake};
+use super::interests::Interests;
 use super::ledger::{Ledger, News, What, occurrence};
 use super::meter::Meter;
 use super::setup::Setup;
@@ -14,10 +15,12 @@ use super::{REGISTRY, Rule};
 use crate::event::{Event, EventKind, FrameRange, Protocol};
 use crate::finding::Findings;
 use crate::frame::Frame;
-use crate::query::{KIND_COUNT, KindSet};
+use crate::query::KindSet;
 use crate::session::{Bus, Observer};
 use crate::statistics::Quality;
-use crate::wire::canopen::conformance;
+
+/// Kinds that limit the verdicts.
+const LIMITING: [&str; 4] = ["unreadable", "lost-frames", "clock-step", "bus-silent"];
 
 /// Judges one capture. A rule sees one bus only: each has rules of its own.
 pub struct Engine {
@@ -27,20 +30,24 @@ pub struct Engine {
     quality: Quality,
     /// News that wait until the stamps are known to be more than a made-up step.
     held: Vec<News>,
-    /// Kinds that may explain findings.
+    /// Kinds that may explain findings or limit the verdicts.
     explaining: KindSet,
     events: u64,
 }
 
 /// The rules of one bus, and what they share.
 struct BusJudge {
-    name: Arc<str>,
     rules: Vec<(u16, Box<dyn Rule>)>,
-    /// Places in `rules` by kind of event.
-    by_kind: [Vec<u16>; KIND_COUNT],
+    interests: Interests,
+    shared: Shared,
+    has_begun: bool,
+}
+
+/// What the rules of one bus share.
+struct Shared {
+    name: Arc<str>,
     traffic: Traffic,
     meter: Meter,
-    has_begun: bool,
     is_tested: bool,
     wakes: BinaryHeap<Wake>,
     now: i64,
@@ -48,17 +55,39 @@ struct BusJudge {
     has_time: bool,
 }
 
+impl Shared {
+    /// What a rule sees; which rule it is is set for each.
+    #[inline]
+    fn context<'a>(&'a mut self, bus: &'a Bus, ledger: &'a mut Ledger) -> Context<'a> {
+        Context {
+            bus,
+            now: self.now,
+            has_time: self.has_time,
+            traffic: &self.traffic,
+            meter: &self.meter,
+            is_tested: self.is_tested,
+            silence: self.silence,
+            bus_name: &self.name,
+            rule: 0,
+            place: 0,
+            ledger,
+            wakes: &mut self.wakes,
+        }
+    }
+}
+
 impl Engine {
     /// An engine that has seen nothing.
     pub fn new(setup: Arc<Setup>) -> Self {
         let explaining = KindSet::by_name(|name| causes().explaining().iter().any(|by| by == name));
+        let limiting = KindSet::by_name(|name| LIMITING.contains(&name));
         Self {
             ledger: Ledger::new(Arc::clone(&setup)),
             setup,
             buses: Vec::new(),
             quality: Quality::default(),
             held: Vec::new(),
-            explaining,
+            explaining: explaining.or(limiting),
             events: 0,
         }
     }
@@ -68,7 +97,7 @@ impl Engine {
     pub fn frame(&mut self, frame: &Frame) {
         self.quality.frame(frame);
         if let Some(judge) = self.buses.get_mut(usize::from(frame.bus.0)) {
-            judge.meter.frame(frame);
+            judge.shared.meter.frame(frame);
         }
     }
 
@@ -86,10 +115,10 @@ impl Engine {
         if let Some(judge) = self.buses.get_mut(index) {
             judge.event(event, bus, &mut self.ledger);
             if self.explaining.contains(&event.kind) {
-                self.ledger.saw(event.kind.name(), bus.index(), judge.now);
+                self.ledger.saw(event.kind.name(), bus.index(), judge.shared.now);
+                self.quality.event(event);
             }
         }
-        self.quality.event(event);
         if !self.ledger.news.is_empty() || !self.held.is_empty() {
             self.tell(bus, self.quality.has_varied(), out);
         }
@@ -185,42 +214,39 @@ fn notes(quality: &Quality) -> Vec<String> {
 
 impl BusJudge {
     fn new(bus: &Bus, setup: &Setup, ledger: &Ledger) -> Self {
-        let mut judge = Self {
+        let shared = Shared {
             name: bus.name().into(),
-            rules: Vec::new(),
-            by_kind: std::array::from_fn(|_| Vec::new()),
             traffic: Traffic::default(),
             meter: Meter::new(bus.bit_rate()),
-            has_begun: false,
             is_tested: false,
             wakes: BinaryHeap::new(),
             now: i64::MIN,
             silence: 0,
             has_time: false,
         };
+        let interests = Interests::default();
+        let mut judge = Self { rules: Vec::new(), interests, shared, has_begun: false };
         for (place, entry) in REGISTRY.iter().enumerate() {
             let is_on = ledger.rules.get(place).is_some_and(|rule| rule.is_on);
             if let (true, Ok(rule)) = (is_on, u16::try_from(place)) {
-                let kinds = KindSet::by_name(|name| entry.declaration.kinds.contains(&name));
-                judge.add(rule, kinds, (entry.make)(setup));
+                judge.add(rule, (entry.make)(setup), |interests, place| {
+                    interests.declared(entry.declaration.kinds, place);
+                });
             }
         }
         for (rule, expectation) in setup.expectations_on(bus.name()) {
             if ledger.rules.get(usize::from(rule)).is_some_and(|info| info.is_on) {
-                judge.add(rule, expectation.kinds(), expectation.make());
+                let kinds = expectation.kinds();
+                judge.add(rule, expectation.make(), |interests, place| interests.kinds(kinds, place));
             }
         }
         judge
     }
 
-    fn add(&mut self, rule: u16, kinds: KindSet, made: Box<dyn Rule>) {
+    fn add(&mut self, rule: u16, made: Box<dyn Rule>, interested: impl Fn(&mut Interests, u16)) {
         let Ok(place) = u16::try_from(self.rules.len()) else { return };
         self.rules.push((rule, made));
-        for kind in kinds.places() {
-            if let Some(list) = self.by_kind.get_mut(kind) {
-                list.push(place);
-            }
-        }
+        interested(&mut self.interests, place);
     }
 
     #[inline]
@@ -229,102 +255,65 @@ impl BusJudge {
             let monotonic = bus.monotonic(stamp);
             if let EventKind::BusSilent { gap } = event.kind {
                 // Deadlines before the bus counted as silent have passed: time goes on from the last of them.
-                let silence = self.silence.saturating_add(gap);
-                self.silence = silence.min(monotonic.saturating_sub(self.now));
+                let silence = self.shared.silence.saturating_add(gap);
+                self.shared.silence = silence.min(monotonic.saturating_sub(self.shared.now));
             }
-            self.has_time = true;
+            self.shared.has_time = true;
             self.pass_time(monotonic, bus, ledger);
         }
         if !std::mem::replace(&mut self.has_begun, true) {
             self.all(bus, ledger, |rule, context| rule.begin(context));
         }
         match &event.kind {
-            EventKind::Pdo(pdo) => self.traffic.saw_pdo(pdo, self.now, event.frames.last),
-            EventKind::Sync { .. } => self.traffic.saw_sync(),
-            EventKind::Frame(frame) if frame.frame.id == conformance::IDENTIFIER => {
-                self.is_tested |= conformance::parse(frame.frame.data()).is_some();
-            }
+            EventKind::Pdo(pdo) => self.shared.traffic.saw_pdo(pdo, self.shared.now, event.frames.last),
+            EventKind::Sync { .. } => self.shared.traffic.saw_sync(),
+            EventKind::TestCase(_) => self.shared.is_tested = true,
             _ => {}
         }
-        let Some(list) = self.by_kind.get(KindSet::place(&event.kind)) else { return };
-        for place in list {
-            let Some((rule, made)) = self.rules.get_mut(usize::from(*place)) else { continue };
-            let mut context = Context {
-                bus,
-                now: self.now,
-                has_time: self.has_time,
-                traffic: &self.traffic,
-                meter: &self.meter,
-                is_tested: self.is_tested,
-                silence: self.silence,
-                bus_name: &self.name,
-                rule: *rule,
-                place: *place,
-                ledger,
-                wakes: &mut self.wakes,
-            };
-            made.event(event, &mut context);
+        let mut context = self.shared.context(bus, ledger);
+        for place in self.interests.of(event) {
+            if let Some((rule, made)) = self.rules.get_mut(usize::from(*place)) {
+                (context.rule, context.place) = (*rule, *place);
+                made.event(event, &mut context);
+            }
         }
     }
 
     /// Time goes on to a monotonic time: wakes whoever asked for one before it.
     #[inline]
     fn pass_time(&mut self, monotonic: i64, bus: &Bus, ledger: &mut Ledger) {
-        let now = monotonic.saturating_sub(self.silence).max(self.now);
-        while let Some(Reverse((due, place, token))) = self.wakes.peek().copied()
+        let now = monotonic.saturating_sub(self.shared.silence).max(self.shared.now);
+        while let Some(Reverse((due, place, token))) = self.shared.wakes.peek().copied()
             && due < now
         {
-            self.wakes.pop();
+            self.shared.wakes.pop();
             self.wake((due, place, token), bus, ledger);
         }
-        self.now = now;
+        self.shared.now = now;
     }
 
     #[cold]
     fn wake(&mut self, (due, place, token): (i64, u16, u64), bus: &Bus, ledger: &mut Ledger) {
-        self.now = self.now.max(due);
+        let shared = &mut self.shared;
+        shared.now = shared.now.max(due);
         if place == LEDGER {
-            let at = occurrence(bus.stamp_of(due.saturating_add(self.silence)), last_frame(bus));
+            let at = occurrence(bus.stamp_of(due.saturating_add(shared.silence)), last_frame(bus));
             let again = usize::try_from(token).ok().and_then(|group| ledger.quiet(group, due, at));
-            self.wakes.extend(again.map(|time| Reverse((time, LEDGER, token))));
+            shared.wakes.extend(again.map(|time| Reverse((time, LEDGER, token))));
             return;
         }
         let Some((rule, made)) = self.rules.get_mut(usize::from(place)) else { return };
-        let mut context = Context {
-            bus,
-            now: self.now,
-            has_time: self.has_time,
-            traffic: &self.traffic,
-            meter: &self.meter,
-            is_tested: self.is_tested,
-            silence: self.silence,
-            bus_name: &self.name,
-            rule: *rule,
-            place,
-            ledger,
-            wakes: &mut self.wakes,
-        };
+        let mut context = shared.context(bus, ledger);
+        (context.rule, context.place) = (*rule, place);
         made.wake(token, &mut context);
     }
 
     /// Calls all rules.
     #[cold]
     fn all(&mut self, bus: &Bus, ledger: &mut Ledger, call: fn(&mut dyn Rule, &mut Context<'_>)) {
+        let mut context = self.shared.context(bus, ledger);
         for (place, (rule, made)) in self.rules.iter_mut().enumerate() {
-            let mut context = Context {
-                bus,
-                now: self.now,
-                has_time: self.has_time,
-                traffic: &self.traffic,
-                meter: &self.meter,
-                is_tested: self.is_tested,
-                silence: self.silence,
-                bus_name: &self.name,
-                rule: *rule,
-                place: u16::try_from(place).unwrap_or(LEDGER),
-                ledger,
-                wakes: &mut self.wakes,
-            };
+            (context.rule, context.place) = (*rule, u16::try_from(place).unwrap_or(LEDGER));
             call(&mut **made, &mut context);
         }
     }

@@ -16,6 +16,7 @@ mod declaration;
 mod engine;
 mod expectation;
 mod general;
+mod interests;
 mod ledger;
 mod machines;
 mod meter;
@@ -45,6 +46,9 @@ pub trait Rule {
 
     /// A time it asked for has passed.
     fn wake(&mut self, _token: u64, _context: &mut Context<'_>) {}
+
+    /// A second of the bus is over, as its frames' stamps say: [`Context::meter`] has what was in it.
+    fn second(&mut self, _context: &mut Context<'_>) {}
 
     /// Nothing more comes.
     fn finish(&mut self, _context: &mut Context<'_>) {}
