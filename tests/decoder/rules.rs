@@ -33,11 +33,11 @@ use crate::support::workspace;
 pub struct Annotated {
     /// Name of its file.
     pub name: String,
-    /// Its lines.
+    /// Its frames alone.
     pub frames: String,
     /// What is known beside it.
     pub options: SessionOptions,
-    /// What its bus file says of rules.
+    /// How it is judged.
     pub setup: Setup,
     /// Number of the frame above, whether it closes, rule, keys.
     marks: Vec<(u64, bool, String, BTreeMap<String, String>)>,

@@ -177,15 +177,15 @@ impl<'b, 'a> Alarm<'b, 'a> {
         self
     }
 
-    /// Its protocol is presumed only, or is not.
-    pub fn presumed(mut self, is_presumed: bool) -> Self {
-        self.is_presumed = is_presumed;
-        self
-    }
-
     /// Other frames than the event's.
     pub fn frames(mut self, frames: FrameRange) -> Self {
         self.at.frames = frames;
+        self
+    }
+
+    /// Its protocol is presumed only, or is not: as it was when what shows it came.
+    pub fn presumed(mut self, is_presumed: bool) -> Self {
+        self.is_presumed = is_presumed;
         self
     }
 
