@@ -19,6 +19,10 @@ use crate::session::{Bus, Observer};
 use crate::statistics::Quality;
 use crate::wire::canopen::conformance;
 
+/// Wakes while time goes on by one step: it may leap over years, and who asks to be woken again and again is woken
+/// at its end then.
+const WAKES_AT_ONCE: usize = 1_000;
+
 /// Judges one capture. A rule sees one bus only: each has rules of its own.
 pub struct Engine {
     setup: Arc<Setup>,
@@ -274,10 +278,15 @@ impl BusJudge {
     #[inline]
     fn pass_time(&mut self, monotonic: i64, bus: &Bus, ledger: &mut Ledger) {
         let now = monotonic.saturating_sub(self.silence).max(self.now);
+        let mut left = WAKES_AT_ONCE;
         while let Some(Reverse((due, place, token))) = self.wakes.peek().copied()
             && due < now
         {
             self.wakes.pop();
+            left = left.saturating_sub(1);
+            if left == 0 {
+                self.now = now;
+            }
             self.wake((due, place, token), bus, ledger);
         }
         self.now = now;

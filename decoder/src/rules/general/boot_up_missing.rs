@@ -25,7 +25,7 @@ declare_rule! {
     /// # Mutation
     /// drop the boot-up message behind a reset
     "boot-up-missing", Warning, "a node does not say that it started",
-    kinds: ["nmt-command", "boot-up", "emcy"],
+    kinds: ["nmt-command", "boot-up", "emcy", "node-id-change"],
     cases: &["9.1", "10.1"],
     word: "BOOT",
     tolerances: &[tolerance("error-ms", 2_000.0, "ms", "from the reset to the boot-up message")],
@@ -87,6 +87,10 @@ impl Rule for BootUpMissing {
                 self.reset(event, node, context);
             }
             (EventKind::BootUp { .. }, Some(node)) => self.booted(node, context),
+            // It comes back under its new node-ID.
+            (EventKind::NodeIdChange { from: Some(from), .. }, _) => {
+                self.waiting.remove(NodeId::Canopen(*from));
+            }
             (EventKind::Emcy(emergency), Some(node)) if emergency.boot.is_some() => {
                 self.booted(node, context)
             }

@@ -9,7 +9,7 @@ use crate::rules::{Context, Rule, Setup};
 declare_rule! {
     /// # What it checks
     /// A frame has too few bytes for the service its identifier belongs to, or a command that does not exist. A note where
-    /// the protocol of the bus is presumed only.
+    /// the protocol of the bus is presumed only. NMT commands have a rule of their own.
     ///
     /// # Why it matters
     /// Who receives it ignores it or reads nonsense; or the identifier is used for something else.
@@ -21,9 +21,9 @@ declare_rule! {
     /// Who sends it, and whether the identifier was given to two services.
     ///
     /// # Mutation
-    /// cut an NMT command to one byte
+    /// insert a request for a J1939 group of two bytes
     "malformed-message", Warning, "bytes that are no message of their service",
-    kinds: ["malformed", "nmt-command", "boot-up", "sdo-transfer", "address-claim", "j1939-request", "uds-exchange"],
+    kinds: ["malformed", "lss", "boot-up", "sdo-transfer", "address-claim", "j1939-request", "uds-exchange"],
     word: "BYTES",
 }
 
@@ -36,8 +36,8 @@ pub(super) fn new(_setup: &Setup) -> MalformedMessage {
 impl Rule for MalformedMessage {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         let EventKind::Malformed { error, reason } = &event.kind else { return context.pass() };
-        // A transfer whose sizes contradict each other is told by its own rule.
-        if error.needed == 0 && is_transport(error.layer) {
+        // Commands of the NMT master, and transfers whose sizes contradict each other, have rules of their own.
+        if error.layer == "nmt" || error.needed == 0 && is_transport(error.layer) {
             return;
         }
         let alarm = context.fail(event).about(About::Name(error.layer.into()));
