@@ -1,7 +1,7 @@
 //! Access by SDO against the dictionary.
 
 use super::facts::about;
-use super::sdo_situation::{access, situations};
+use super::sdo_situation::{access, is_told, situations};
 use crate::event::{Abort, Direction, Event, EventKind, Outcome, SdoTransfer};
 use crate::profile::object::Access;
 use crate::rules::declaration::declare_rule;
@@ -79,9 +79,10 @@ impl Rule for AccessType {
         // PDO parameters are refused by the state of the PDO, others by what was asked.
         let is_free = !(0x1400..=0x1BFF).contains(&object.index)
             && (transfer.outcome == Outcome::Complete || situations(transfer, node).is_empty());
-        let source = node.device().default_origin(object);
+        let source =
+            if is_told(node.device(), object) { node.device().default_origin(object) } else { "CiA 301" };
         let Some(what) = wrong(transfer, access, direction, is_free) else { return context.pass() };
         let alarm = context.fail(event).about(about(transfer));
-        alarm.say(|| format!("{what}, though it is {} by its {source}", access.name()));
+        alarm.say(|| format!("{what}, though it is {} by {source}", access.name()));
     }
 }

@@ -5,13 +5,14 @@ use crate::finding::Severity;
 use crate::profile::device::Boot;
 use crate::rules::declaration::{declare_rule, tolerance};
 use crate::rules::{Context, NodeMap, NodeSet, Rule, Setup};
+use crate::session::Node;
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 
 declare_rule! {
     /// # What it checks
     /// After an NMT reset a node that was heard before sends its boot-up message, or what its manual promises
-    /// instead, in time. A note where nothing tells that it has one: no boot-up was seen, no device is known.
+    /// instead, in time, unless one with another node-ID starts in its place. A note where nothing tells that it has one: no boot-up was seen, no device is known.
     ///
     /// # Why it matters
     /// The master waits for it before it configures the node; a node that does not come back is out of service.
@@ -67,7 +68,10 @@ impl BootUpMissing {
     }
 
     fn booted(&mut self, node: NodeId, context: &mut Context<'_>) {
-        self.booted.insert(node);
+        if self.booted.insert(node) && self.waiting.get(node).is_none() {
+            // One that was reset may have another node-ID now.
+            self.waiting = NodeMap::default();
+        }
         if self.waiting.remove(node).is_some() {
             context.pass();
         }
@@ -78,7 +82,7 @@ impl Rule for BootUpMissing {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match (&event.kind, event.node) {
             (EventKind::NmtCommand { to: Some(NmtState::Initialising), target: 0, .. }, _) => {
-                let known: Vec<NodeId> = context.bus.nodes().map(|node| node.id()).collect();
+                let known: Vec<NodeId> = context.bus.nodes().map(Node::id).collect();
                 for node in known.into_iter().filter(|node| node.canopen().is_some()) {
                     self.reset(event, node, context);
                 }
@@ -87,12 +91,11 @@ impl Rule for BootUpMissing {
                 self.reset(event, node, context);
             }
             (EventKind::BootUp { .. }, Some(node)) => self.booted(node, context),
-            // It comes back under its new node-ID.
             (EventKind::NodeIdChange { from: Some(from), .. }, _) => {
                 self.waiting.remove(NodeId::Canopen(*from));
             }
             (EventKind::Emcy(emergency), Some(node)) if emergency.boot.is_some() => {
-                self.booted(node, context)
+                self.booted(node, context);
             }
             _ => {}
         }

@@ -6,6 +6,7 @@ use crate::finding::About;
 use crate::frame::CanId;
 use crate::rules::declaration::declare_rule;
 use crate::rules::{Context, Rule, Setup};
+use crate::wire::NodeId;
 
 declare_rule! {
     /// # What it checks
@@ -48,7 +49,7 @@ impl CobIdMismatch {
             return context.pass();
         }
         // Another channel of the same server may be the one that is used.
-        let predefined = event.node.and_then(|node| node.canopen()).is_some_and(|node| {
+        let predefined = event.node.and_then(NodeId::canopen).is_some_and(|node| {
             let offset = if used == transfer.request { 0x600 } else { 0x580 };
             used == CanId::standard(offset + u16::from(node))
         });

@@ -74,11 +74,11 @@ impl Turns {
             return false;
         }
         let period = interval.saturating_add(interval_last);
-        let least = interval.min(interval_last);
+        let shorter = interval.min(interval_last);
         // Two phases, none of them a burst, each as it was a period ago.
         period <= longest
-            && least >= period / 10
-            && least < period / 5 * 2
+            && shorter >= period / 10
+            && shorter < period / 5 * 2
             && interval.abs_diff(interval_before) < period.unsigned_abs() / 20
     }
 }
@@ -89,8 +89,8 @@ impl DuplicateProducer {
         let Some(turns) = self.turns.get_mut(slot.place) else {
             return self.turns.resize(slot.place + 1, Turns::default());
         };
-        let content = pdo.bytes.first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes));
-        let goes_on = turns.take((content, pdo.length), slot.interval.unwrap_or(0), self.longest);
+        let payload = pdo.bytes.first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes));
+        let goes_on = turns.take((payload, pdo.length), slot.interval.unwrap_or(0), self.longest);
         turns.count = if goes_on { turns.count + 1 } else { 0 };
         turns.judged += 1;
         if turns.count >= 2 * self.periods {

@@ -44,12 +44,8 @@ impl Rule for GuardWithHeartbeat {
             return;
         };
         match event.kind {
-            EventKind::GuardRequest => {
-                // The request before this one had no answer.
-                if !self.asked.insert(id) {
-                    context.pass();
-                }
-            }
+            // The request before this one had no answer.
+            EventKind::GuardRequest if !self.asked.insert(id) => context.pass(),
             EventKind::GuardReply { toggle: true, .. } => {
                 self.asked.remove(id);
                 context.fail(event).say(|| format!("answers guarding; 1017 = {time} ms"));

@@ -1,7 +1,7 @@
 //! Heartbeat consumers and their producers.
 
 use super::facts::sure;
-use crate::event::{Event, EventKind, Outcome};
+use crate::event::{Event, EventKind, Outcome, SdoTransfer};
 use crate::finding::About;
 use crate::rules::declaration::declare_rule;
 use crate::rules::{Context, NodeMap, Rule, Setup};
@@ -123,6 +123,11 @@ impl HeartbeatConsumer {
     }
 }
 
+/// Whether a transfer tells an entry of the consumer list.
+fn is_list(transfer: &SdoTransfer) -> bool {
+    transfer.outcome == Outcome::Complete && transfer.object.is_some_and(|object| object.index == 0x1016)
+}
+
 impl Rule for HeartbeatConsumer {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         if !self.changed.is_empty() {
@@ -134,11 +139,8 @@ impl Rule for HeartbeatConsumer {
             EventKind::Emcy(emergency) if emergency.code == Some(HEARTBEAT_ERROR) => {
                 self.complained(event, node, context);
             }
-            EventKind::SdoTransfer(transfer) if transfer.outcome == Outcome::Complete => {
-                if transfer.object.is_some_and(|object| object.index == 0x1016) && !self.changed.contains(&id)
-                {
-                    self.changed.push(id);
-                }
+            EventKind::SdoTransfer(transfer) if is_list(transfer) && !self.changed.contains(&id) => {
+                self.changed.push(id);
             }
             EventKind::BootUp { .. } => {
                 self.contracts.retain(|contract| contract.consumer != id);

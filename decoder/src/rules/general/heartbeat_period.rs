@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::facts::sure;
-use crate::event::{Event, EventKind};
+use crate::event::{Event, EventKind, SdoTransfer};
 use crate::finding::About;
 use crate::rules::declaration::{declare_rule, tolerance};
 use crate::rules::{Context, NodeMap, Rule, Setup};
@@ -101,6 +101,10 @@ impl HeartbeatPeriod {
     }
 }
 
+fn is_time(transfer: &SdoTransfer) -> bool {
+    transfer.object.is_some_and(|object| object.index == 0x1017)
+}
+
 impl Rule for HeartbeatPeriod {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match (&event.kind, event.node) {
@@ -109,10 +113,8 @@ impl Rule for HeartbeatPeriod {
                 alarm.say(|| format!("heartbeat with {code:02X}h, which is no state"));
             }
             (EventKind::Heartbeat { .. }, Some(node)) => self.beat(event, node, context),
-            (EventKind::SdoTransfer(transfer), Some(node)) => {
-                if transfer.object.is_some_and(|object| object.index == 0x1017) {
-                    self.watches.remove(node);
-                }
+            (EventKind::SdoTransfer(transfer), Some(node)) if is_time(transfer) => {
+                self.watches.remove(node);
             }
             (EventKind::BootUp { .. } | EventKind::NodeLost(_), Some(node)) => {
                 self.watches.remove(node);

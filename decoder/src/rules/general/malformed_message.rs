@@ -9,7 +9,7 @@ use crate::rules::{Context, Rule, Setup};
 declare_rule! {
     /// # What it checks
     /// A frame has too few bytes for the service its identifier belongs to, or a command that does not exist. A note where
-    /// the protocol of the bus is presumed only. NMT commands have a rule of their own.
+    /// the protocol of the bus is presumed only.
     ///
     /// # Why it matters
     /// Who receives it ignores it or reads nonsense; or the identifier is used for something else.
@@ -36,8 +36,8 @@ pub(super) fn new(_setup: &Setup) -> MalformedMessage {
 impl Rule for MalformedMessage {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         let EventKind::Malformed { error, reason } = &event.kind else { return context.pass() };
-        // Commands of the NMT master, and transfers whose sizes contradict each other, have rules of their own.
-        if error.layer == "nmt" || error.needed == 0 && is_transport(error.layer) {
+        // Transfers whose sizes contradict each other have a rule of their own.
+        if error.needed == 0 && is_transport(error.layer) {
             return;
         }
         let alarm = context.fail(event).about(About::Name(error.layer.into()));

@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
-use crate::event::{Event, EventKind, FrameRange};
+use crate::event::{Event, EventKind, FrameRange, StateCause};
 use crate::finding::About;
 use crate::rules::declaration::{declare_rule, tolerance};
 use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::session::Node;
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 use crate::wire::canopen::nmt::NmtService;
@@ -28,7 +29,7 @@ declare_rule! {
     /// # Mutation
     /// drop nothing, insert a command to stop while heartbeats go on as operational
     "nmt-command-ignored", Warning, "a node does not take the state it is commanded to",
-    kinds: ["nmt-command", "heartbeat", "guard-reply", "boot-up"],
+    kinds: ["nmt-command", "nmt-state", "heartbeat", "guard-reply", "boot-up"],
     cases: &["9.2", "9.3", "9.4", "10.1", "10.2", "10.3", "10.4"],
     word: "NMT",
     tolerances: &[tolerance("error-ms", 1_000.0, "ms", "from the command until the node says the state")],
@@ -100,7 +101,7 @@ impl Rule for NmtCommandIgnored {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match (&event.kind, event.node) {
             (EventKind::NmtCommand { service, to: Some(to), target: 0, .. }, _) => {
-                let known: Vec<NodeId> = context.bus.nodes().map(|node| node.id()).collect();
+                let known: Vec<NodeId> = context.bus.nodes().map(Node::id).collect();
                 for node in known {
                     self.commanded(event, node, *service, *to, context);
                 }
@@ -108,9 +109,18 @@ impl Rule for NmtCommandIgnored {
             (EventKind::NmtCommand { service, to: Some(to), .. }, Some(node)) => {
                 self.commanded(event, node, *service, *to, context);
             }
-            (EventKind::Heartbeat { state: Some(state), .. }, Some(node))
-            | (EventKind::GuardReply { state: Some(state), .. }, Some(node)) => {
+            (
+                EventKind::Heartbeat { state: Some(state), .. }
+                | EventKind::GuardReply { state: Some(state), .. },
+                Some(node),
+            ) => {
                 self.told(event, node, *state, context);
+            }
+            // A PDO shows that it obeyed, whatever it does then.
+            (EventKind::NmtState(change), Some(node)) if change.cause == StateCause::Pdo => {
+                if let Some(known) = self.commands.get_mut(node) {
+                    known.take_if(|command| command.to == change.to);
+                }
             }
             (EventKind::BootUp { .. }, Some(node)) => {
                 self.commands.remove(node);

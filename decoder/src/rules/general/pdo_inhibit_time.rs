@@ -23,7 +23,7 @@ declare_rule! {
     /// # Mutation
     /// insert further PDOs of one with an inhibit time
     "pdo-inhibit-time", Warning, "a TPDO comes sooner than its inhibit time",
-    kinds: ["pdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames"],
+    kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames"],
     is_timing: true,
     word: "PDO",
     tolerances: &[tolerance("warning-percent", 80.0, "%", "of the inhibit time, less 1 ms")],
@@ -64,8 +64,8 @@ impl PdoInhibitTime {
             self.short.resize(slot.place + 1, 0);
         }
         let (Some(short), Some(interval)) = (self.short.get_mut(slot.place), slot.interval) else { return };
-        let least = inhibit.saturating_mul(STEP) / 100 * self.percent - DIGIT;
-        if interval >= least {
+        let shortest = inhibit.saturating_mul(STEP) / 100 * self.percent - DIGIT;
+        if interval >= shortest {
             *short = 0;
             return context.pass();
         }
@@ -74,10 +74,12 @@ impl PdoInhibitTime {
             return;
         }
         *short = 0;
-        let (last, before) = slot.frames;
+        let (frame, before) = slot.frames;
         let (name, after) = (pdo.name, interval / STEP);
-        let alarm =
-            context.fail(event).about(About::Id(pdo.cob_id)).frames(FrameRange { first: before, last });
+        let alarm = context
+            .fail(event)
+            .about(About::Id(pdo.cob_id))
+            .frames(FrameRange { first: before, last: frame });
         alarm.say(|| {
             let tenths = |time: i64| format!("{}.{} ms", time / 10, time % 10);
             format!("{name} after {}; its inhibit time is {}", tenths(after), tenths(inhibit))

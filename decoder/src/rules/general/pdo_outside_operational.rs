@@ -176,8 +176,11 @@ impl PdoOutsideOperational {
             (EventKind::NmtCommand { to: Some(to), .. }, Some(node)) => {
                 self.commanded(event, node, *to, context.now);
             }
-            (EventKind::Heartbeat { state: Some(state), .. }, Some(node))
-            | (EventKind::GuardReply { state: Some(state), .. }, Some(node)) => {
+            (
+                EventKind::Heartbeat { state: Some(state), .. }
+                | EventKind::GuardReply { state: Some(state), .. },
+                Some(node),
+            ) => {
                 self.told(event, node, *state, context);
             }
             (EventKind::BootUp { .. }, Some(node)) => {

@@ -82,7 +82,7 @@ impl PdoRtr {
     }
 
     #[cold]
-    fn answered(&mut self, event: &Event, pdo: &Pdo, request: Request, context: &mut Context<'_>) {
+    fn answered(event: &Event, pdo: &Pdo, request: Request, context: &mut Context<'_>) {
         if request.state == NmtState::Operational {
             return context.pass();
         }
@@ -109,7 +109,7 @@ impl Rule for PdoRtr {
         let place = context.traffic.current().map(|slot| slot.place);
         let open = place.and_then(|place| self.open.get_mut(place)).and_then(Option::take);
         if let Some(request) = open {
-            self.answered(event, pdo, request, context);
+            Self::answered(event, pdo, request, context);
         }
     }
 

@@ -47,9 +47,9 @@ impl ServiceInStopped {
         let Some(status) = node.nmt().filter(|status| status.state == NmtState::Stopped) else {
             return false;
         };
-        let states = &node.device().nmt.states;
+        let all = &node.device().nmt.states;
         let since = context.bus.now().saturating_sub(status.since());
-        let has_state = states.is_empty() || states.contains(&NmtName::Stopped);
+        let has_state = all.is_empty() || all.contains(&NmtName::Stopped);
         has_state && (since > self.command || !context.has_time && status.certainty == Certainty::Confirmed)
     }
 }

@@ -5,6 +5,7 @@ use crate::profile::PdoDirection;
 use crate::profile::device::Boot;
 use crate::rules::declaration::{declare_rule, tolerance};
 use crate::rules::{Context, NodeMap, NodeSet, Rule, Setup};
+use crate::session::Node;
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 
@@ -24,7 +25,7 @@ declare_rule! {
     /// # Mutation
     /// insert a heartbeat between a reset and the boot-up
     "traffic-before-boot", Note, "a node sends before its boot-up message",
-    kinds: ["nmt-command", "boot-up", "heartbeat", "guard-reply", "emcy", "pdo"],
+    kinds: ["nmt-command", "boot-up", "heartbeat", "guard-reply", "emcy", "tpdo"],
     word: "BOOT",
     tolerances: &[tolerance("queued-ms", 100.0, "ms", "from the reset, in which queued frames still come")],
 }
@@ -82,8 +83,10 @@ impl Rule for TrafficBeforeBoot {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         let Some(node) = event.node else {
             if let EventKind::NmtCommand { to: Some(NmtState::Initialising), target: 0, .. } = event.kind {
-                let known: Vec<NodeId> = context.bus.nodes().map(|node| node.id()).collect();
-                known.into_iter().for_each(|node| self.reset(event, node, context));
+                let known: Vec<NodeId> = context.bus.nodes().map(Node::id).collect();
+                for node in known {
+                    self.reset(event, node, context);
+                }
             }
             return;
         };
@@ -93,7 +96,7 @@ impl Rule for TrafficBeforeBoot {
                 self.sent(event, node, "TPDO", context);
             }
             EventKind::NmtCommand { to: Some(NmtState::Initialising), .. } => {
-                self.reset(event, node, context)
+                self.reset(event, node, context);
             }
             EventKind::BootUp { .. } => self.booted(node, context),
             EventKind::Emcy(emergency) if emergency.boot.is_some() => self.booted(node, context),

@@ -194,9 +194,8 @@ impl Channel {
                 transfer.block_size(block_size, Side::Client, frame.number);
             }
             Sdo::DownloadSegment(segment) => {
-                let transfer = self.open_or_cut(index, Direction::Download, Mode::Segmented, frame);
-                transfer.asks_segment(segment.toggle, frame.number);
-                transfer.take_segment(&segment);
+                self.open_or_cut(index, Direction::Download, Mode::Segmented, frame)
+                    .take_client_segment(&segment, frame.number);
             }
             Sdo::RequestUploadSegment { toggle } => {
                 let transfer = self.open_or_cut(index, Direction::Upload, Mode::Segmented, frame);
@@ -220,7 +219,7 @@ impl Channel {
                 return true;
             }
             Sdo::BlockSegment { sequence, last, data } => {
-                self.segment(sequence, last, data, Side::Client, frame)
+                self.segment(sequence, last, data, Side::Client, frame);
             }
             _ => {}
         }
@@ -324,7 +323,7 @@ impl Channel {
                     .end_blocks(end.unused, end.crc);
             }
             Sdo::BlockSegment { sequence, last, data } => {
-                self.segment(sequence, last, data, Side::Server, frame)
+                self.segment(sequence, last, data, Side::Server, frame);
             }
             _ => {}
         }

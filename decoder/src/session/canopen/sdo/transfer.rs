@@ -167,6 +167,12 @@ impl Transfer {
         self.asked = Some(toggle);
     }
 
+    /// Takes a segment of a download.
+    pub(super) fn take_client_segment(&mut self, segment: &Segment<'_>, frame: u64) {
+        self.asks_segment(segment.toggle, frame);
+        self.take_segment(segment);
+    }
+
     /// The server answers that, with the same toggle bit.
     pub(super) fn answers_segment(&mut self, toggle: bool, frame: u64) {
         if self.asked.take().is_some_and(|asked| asked != toggle) {
@@ -176,12 +182,12 @@ impl Transfer {
     }
 
     /// A side says how many segments a block has.
-    pub(super) fn block_size(&mut self, size: u8, side: Side, frame: u64) {
-        let is_valid = matches!(size, 1..=127);
+    pub(super) fn block_size(&mut self, segments: u8, side: Side, frame: u64) {
+        let is_valid = matches!(segments, 1..=127);
         if !is_valid && !self.blocks.as_ref().is_some_and(|blocks| blocks.is_complete) {
             self.irregular(SdoIrregularityKind::BlockSize, side, frame);
         }
-        self.blocks_mut().size = is_valid.then_some(size);
+        self.blocks_mut().size = is_valid.then_some(segments);
     }
 
     /// A side sends a segment, or acknowledges those up to it: of more than a block has there are none.
