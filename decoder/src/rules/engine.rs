@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use super::causes::causes;
 use super::context::{Context, LEDGER, Wake};
+use super::device::{self, DeviceRules};
 use super::interests::Interests;
 use super::ledger::{Ledger, News, What, occurrence};
 use super::meter::Meter;
@@ -18,6 +19,9 @@ use crate::frame::Frame;
 use crate::query::KindSet;
 use crate::session::{Bus, Observer};
 use crate::statistics::Quality;
+
+/// Frames from which the step of the stamps is known.
+const STAMPS_JUDGED: u64 = 1_000;
 
 /// Kinds that limit the verdicts.
 const LIMITING: [&str; 4] = ["unreadable", "lost-frames", "clock-step", "bus-silent"];
@@ -53,6 +57,8 @@ struct Shared {
     now: i64,
     silence: i64,
     has_time: bool,
+    /// Step of the stamps in nanoseconds.
+    granularity: i64,
 }
 
 impl Shared {
@@ -66,6 +72,7 @@ impl Shared {
             traffic: &self.traffic,
             meter: &self.meter,
             is_tested: self.is_tested,
+            granularity: self.granularity,
             silence: self.silence,
             bus_name: &self.name,
             rule: 0,
@@ -106,13 +113,16 @@ impl Engine {
     pub fn event(&mut self, event: &Event, bus: &Bus, out: &mut dyn Observer) {
         let index = usize::from(bus.index().0);
         while self.buses.len() <= index {
-            self.buses.push(BusJudge::new(bus, &self.setup, &self.ledger));
+            self.buses.push(BusJudge::new(bus, &self.setup, &mut self.ledger));
         }
         self.events += 1;
         if let EventKind::TestCase(marker) = &event.kind {
             self.ledger.mark(*marker, event.frames.last);
         }
         if let Some(judge) = self.buses.get_mut(index) {
+            if self.quality.frames <= STAMPS_JUDGED {
+                judge.shared.granularity = self.quality.granularity().unwrap_or(0);
+            }
             judge.event(event, bus, &mut self.ledger);
             if self.explaining.contains(&event.kind) {
                 self.ledger.saw(event.kind.name(), bus.index(), judge.shared.now);
@@ -213,7 +223,7 @@ fn notes(quality: &Quality) -> Vec<String> {
 }
 
 impl BusJudge {
-    fn new(bus: &Bus, setup: &Setup, ledger: &Ledger) -> Self {
+    fn new(bus: &Bus, setup: &Setup, ledger: &mut Ledger) -> Self {
         let shared = Shared {
             name: bus.name().into(),
             traffic: Traffic::default(),
@@ -223,9 +233,13 @@ impl BusJudge {
             now: i64::MIN,
             silence: 0,
             has_time: false,
+            granularity: 0,
         };
         let interests = Interests::default();
         let mut judge = Self { rules: Vec::new(), interests, shared, has_begun: false };
+        let devices = DeviceRules::new(bus, ledger);
+        let kinds = devices.wanted();
+        judge.add(0, Box::new(devices), |interests, place| interests.kinds(kinds, place));
         for (place, entry) in REGISTRY.iter().enumerate() {
             let is_on = ledger.rules.get(place).is_some_and(|rule| rule.is_on);
             if let (true, Ok(rule)) = (is_on, u16::try_from(place)) {
@@ -264,6 +278,9 @@ impl BusJudge {
         if !std::mem::replace(&mut self.has_begun, true) {
             self.all(bus, ledger, |rule, context| rule.begin(context));
         }
+        if self.shared.meter.take_over() {
+            self.all(bus, ledger, |rule, context| rule.second(context));
+        }
         match &event.kind {
             EventKind::Pdo(pdo) => self.shared.traffic.saw_pdo(pdo, self.shared.now, event.frames.last),
             EventKind::Sync { .. } => self.shared.traffic.saw_sync(),
@@ -276,6 +293,17 @@ impl BusJudge {
                 (context.rule, context.place) = (*rule, *place);
                 made.event(event, &mut context);
             }
+        }
+        if device::attaches(&event.kind) {
+            self.listen();
+        }
+    }
+
+    /// What is asked for by the rules of devices changed: they stand first, and explain others.
+    #[cold]
+    fn listen(&mut self) {
+        if let Some(kinds) = self.rules.first().and_then(|(_, devices)| devices.kinds()) {
+            self.interests.renew(0, kinds);
         }
     }
 
