@@ -26,7 +26,7 @@ declare_rule! {
     /// # Mutation
     /// drop the boot-up message behind a reset
     "boot-up-missing", Warning, "a node does not say that it started",
-    kinds: ["nmt-command", "boot-up", "emcy"],
+    kinds: ["nmt-command", "boot-up", "emcy", "node-id-change"],
     cases: &["9.1", "10.1"],
     word: "BOOT",
     tolerances: &[tolerance("error-ms", 2_000.0, "ms", "from the reset to the boot-up message")],
@@ -75,6 +75,18 @@ impl BootUpMissing {
     }
 }
 
+impl BootUpMissing {
+    /// It started, under another node-ID.
+    fn moved(&mut self, from: NodeId, to: NodeId, context: &mut Context<'_>) {
+        if self.waiting.remove(from).is_some() {
+            context.pass();
+        }
+        if self.booted.remove(from) {
+            self.booted.insert(to);
+        }
+    }
+}
+
 impl Rule for BootUpMissing {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match (&event.kind, event.node) {
@@ -88,6 +100,9 @@ impl Rule for BootUpMissing {
                 self.reset(event, node, context);
             }
             (EventKind::BootUp { .. }, Some(node)) => self.booted(node, context),
+            (EventKind::NodeIdChange { from: Some(from), .. }, Some(node)) => {
+                self.moved(NodeId::Canopen(*from), node, context);
+            }
             (EventKind::Emcy(emergency), Some(node)) if emergency.boot.is_some() => {
                 self.booted(node, context);
             }
