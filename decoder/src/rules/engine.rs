@@ -264,6 +264,9 @@ impl BusJudge {
         if !std::mem::replace(&mut self.has_begun, true) {
             self.all(bus, ledger, |rule, context| rule.begin(context));
         }
+        if self.shared.meter.take_over() {
+            self.all(bus, ledger, |rule, context| rule.second(context));
+        }
         match &event.kind {
             EventKind::Pdo(pdo) => self.shared.traffic.saw_pdo(pdo, self.shared.now, event.frames.last),
             EventKind::Sync { .. } => self.shared.traffic.saw_sync(),

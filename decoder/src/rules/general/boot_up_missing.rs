@@ -12,7 +12,7 @@ use crate::wire::canopen::NmtState;
 declare_rule! {
     /// # What it checks
     /// After an NMT reset a node that was heard before sends its boot-up message, or what its manual promises
-    /// instead, in time. A note where nothing tells that it has one: no boot-up was seen, no device is known.
+    /// instead, in time, unless one with another node-ID starts in its place. A note where nothing tells that it has one: no boot-up was seen, no device is known.
     ///
     /// # Why it matters
     /// The master waits for it before it configures the node; a node that does not come back is out of service.
@@ -68,21 +68,12 @@ impl BootUpMissing {
     }
 
     fn booted(&mut self, node: NodeId, context: &mut Context<'_>) {
-        self.booted.insert(node);
+        if self.booted.insert(node) && self.waiting.get(node).is_none() {
+            // One that was reset may have another node-ID now.
+            self.waiting = NodeMap::default();
+        }
         if self.waiting.remove(node).is_some() {
             context.pass();
-        }
-    }
-}
-
-impl BootUpMissing {
-    /// It started, under another node-ID.
-    fn moved(&mut self, from: NodeId, to: NodeId, context: &mut Context<'_>) {
-        if self.waiting.remove(from).is_some() {
-            context.pass();
-        }
-        if self.booted.remove(from) {
-            self.booted.insert(to);
         }
     }
 }
@@ -100,8 +91,8 @@ impl Rule for BootUpMissing {
                 self.reset(event, node, context);
             }
             (EventKind::BootUp { .. }, Some(node)) => self.booted(node, context),
-            (EventKind::NodeIdChange { from: Some(from), .. }, Some(node)) => {
-                self.moved(NodeId::Canopen(*from), node, context);
+            (EventKind::NodeIdChange { from: Some(from), .. }, _) => {
+                self.waiting.remove(NodeId::Canopen(*from));
             }
             (EventKind::Emcy(emergency), Some(node)) if emergency.boot.is_some() => {
                 self.booted(node, context);

@@ -7,7 +7,7 @@ use crate::wire::canopen::nmt::NmtService;
 
 declare_rule! {
     /// # What it checks
-    /// An NMT command has two bytes, one of the five commands, and a node-ID up to 127.
+    /// An NMT command is one of the five, to a node-ID up to 127. Its length is told by `malformed-message`.
     ///
     /// # Why it matters
     /// Nodes ignore it, or each does something else: the master believes that the machine obeys.
@@ -21,7 +21,7 @@ declare_rule! {
     /// # Mutation
     /// insert a command with specifier 3
     "nmt-command-invalid", Warning, "an NMT command is none",
-    kinds: ["nmt-command", "malformed"],
+    kinds: ["nmt-command"],
     word: "NMT",
 }
 
@@ -41,10 +41,6 @@ impl Rule for NmtCommandInvalid {
                 context.fail(event).say(|| format!("command to node {target}; node-IDs go up to 127"));
             }
             EventKind::NmtCommand { .. } => context.pass(),
-            EventKind::Malformed { error, .. } if error.layer == "nmt" => {
-                let bytes = error.available;
-                context.fail(event).say(|| format!("command of {bytes} bytes instead of two"));
-            }
             _ => {}
         }
     }
