@@ -12,11 +12,13 @@
 //! node = 5
 //! ```
 
+mod expectation;
 mod judgement;
 mod model;
 mod uds;
 mod value;
 
+pub use expectation::{Demand, EXPECTATION_LIMIT, Expectation, STEP_LIMIT, Written};
 pub use judgement::{Judgement, RuleSettings, Suppression};
 pub use uds::UdsPair;
 pub use value::encode;

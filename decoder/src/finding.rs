@@ -262,6 +262,31 @@ impl Tally {
     }
 }
 
+/// What a suppression of the bus file came to in a capture.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SuppressionUse {
+    /// What it covers: `node-lost of node 5`.
+    pub what: String,
+    /// The user's reason.
+    pub reason: Arc<str>,
+    /// The day it ran out.
+    pub ended: Option<String>,
+    /// Groups it covers.
+    pub met: usize,
+}
+
+impl SuppressionUse {
+    /// Why the bus file should be looked at: it met nothing, or it ran out.
+    pub fn complaint(&self) -> Option<String> {
+        let Self { what, reason, .. } = self;
+        match &self.ended {
+            Some(day) => Some(format!("suppression of {what} ran out on {day}: {reason}")),
+            None if self.met == 0 => Some(format!("suppression of {what} met nothing: {reason}")),
+            None => None,
+        }
+    }
+}
+
 /// A case of a conformance test that was run: the test tool's verdict and ours.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CaseVerdict {
@@ -294,8 +319,8 @@ pub struct Findings {
     pub ungrouped: u64,
     /// What limits the verdicts: made-up times, lost frames.
     pub quality: Vec<String>,
-    /// Suppressions of the bus file that met nothing, or ran out: what is said of each.
-    pub suppressions: Vec<String>,
+    /// What the suppressions of the bus file came to, in its order.
+    pub suppressions: Vec<SuppressionUse>,
     /// Cases of a conformance test that was run, in order.
     pub conformance: Vec<CaseVerdict>,
     /// Events judged.

@@ -2,7 +2,7 @@
 //! finding may come. Those of devices, `fixtures/rules/devices/<profile>.<topic>.log`, hold several each.
 //!
 //! ```text
-//! #! --node 5=wandfluh-md2:amplifier     what is known beside the capture; --protocol canopen
+//! #! --node 5=wandfluh-md2:amplifier     what is known beside the capture; --protocol canopen; --dbc dbc/signals.dbc
 //! #| [node.5]                            lines of a bus file
 //! (1700000000.000000) can0 705#05
 //! #~ node-lost node=5 severity=error     a finding that opens at the frame above (or a deadline before it)
@@ -23,17 +23,22 @@ use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::finding::Findings;
 use cobscope_decoder::profile::Catalogue;
+use cobscope_decoder::profile::dbc::{self, Database};
 use cobscope_decoder::rules::{Engine, HEADINGS, Judge, Setup, declarations, section};
 use cobscope_decoder::session::{AssignedBy, Assignment, Bus, ProtocolChoice, SessionOptions};
 
 use crate::support::workspace;
 
 /// A capture with what is marked in it.
-struct Annotated {
-    name: String,
-    frames: String,
-    options: SessionOptions,
-    setup: Setup,
+pub struct Annotated {
+    /// Name of its file.
+    pub name: String,
+    /// Its frames alone.
+    pub frames: String,
+    /// What is known beside it.
+    pub options: SessionOptions,
+    /// How it is judged.
+    pub setup: Setup,
     /// Number of the frame above, whether it closes, rule, keys.
     marks: Vec<(u64, bool, String, BTreeMap<String, String>)>,
 }
@@ -42,9 +47,15 @@ fn folder() -> PathBuf {
     workspace().join("fixtures").join("rules")
 }
 
-fn read(path: &Path) -> Annotated {
+/// Reads a capture with what is marked in it.
+pub fn read(path: &Path) -> Annotated {
     let text = fs::read_to_string(path).unwrap();
-    let name = path.file_name().unwrap().to_string_lossy().into_owned();
+    parse(&path.file_name().unwrap().to_string_lossy(), &text)
+}
+
+/// An annotated capture.
+pub fn parse(name: &str, text: &str) -> Annotated {
+    let name = name.to_owned();
     let mut bus_file = String::new();
     let mut options = SessionOptions::default();
     let mut catalogue = Catalogue::default();
@@ -86,6 +97,12 @@ fn option(text: &str, options: &mut SessionOptions, catalogue: &mut Catalogue) {
             let device = catalogue.device(profile).unwrap();
             let node = node.parse().unwrap();
             options.assignments.push(Assignment { bus: None, node, device, by: AssignedBy::Option });
+        }
+        ["--dbc", file] => {
+            let text = fs::read(workspace().join("fixtures").join(file)).unwrap();
+            let mut database = Database::default();
+            database.add(dbc::parse(&text).unwrap());
+            options.database = Arc::new(database);
         }
         ["--protocol", "canopen"] => options.protocol = ProtocolChoice::Canopen,
         _ => panic!("no option of a fixture: {text}"),
@@ -175,7 +192,8 @@ fn compare(capture: &Annotated, report: &mut String) {
     }
 }
 
-fn captures() -> Vec<PathBuf> {
+/// All of them.
+pub fn captures() -> Vec<PathBuf> {
     let folders = [folder(), folder().join("devices")];
     let entries = folders.iter().flat_map(|folder| fs::read_dir(folder).unwrap());
     let mut all: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();

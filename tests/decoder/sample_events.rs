@@ -8,8 +8,8 @@ use cobscope_decoder::event::{
     Abort, BitsChanged, BootCause, Certainty, Conflict, Crc, DeviceCause, DeviceState, Direction, Effective,
     EmcyAction, Emergency, Ends, Event, EventKind, ExchangeOutcome, FindingNews, FrameRange, IsoTpTransfer,
     Message, MessageOutcome, Mode, ModeChange, NodeIdentified, ObjectChange, Outcome, Path, Pdo, PowerSign,
-    ProcedureEvent, Protocol, Quantity, SdoTransfer, SetPoint, Silence, StateCause, StateChange, UdsExchange,
-    Undecoded,
+    ProcedureEvent, Protocol, Quantity, SdoIrregularity, SdoIrregularityKind, SdoTransfer, SetPoint, Silence,
+    StateCause, StateChange, UdsExchange, Undecoded,
 };
 use cobscope_decoder::finding::Severity;
 use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags, MAX_DATA, Timestamp};
@@ -255,6 +255,7 @@ fn layout() -> Arc<Layout> {
 
 fn messages() -> Vec<EventKind> {
     let emergency = Emergency {
+        cob_id: CanId::standard(0x85),
         code: Some(0x8130),
         register: Some(0x11),
         vendor: [1, 2, 3, 4, 5],
@@ -343,6 +344,7 @@ fn write() -> SdoTransfer {
         outcome: Outcome::Complete,
         abort: None,
         crc: Some(Crc::Correct),
+        irregularity: None,
         cut_start: false,
         cut_end: false,
         frame_count: 2,
@@ -359,6 +361,7 @@ fn transfers() -> Vec<EventKind> {
         duration: None,
         outcome: Outcome::Aborted,
         abort: Some(Abort { code: 0x0602_0000, by_client: true }),
+        irregularity: Some(SdoIrregularity { what: SdoIrregularityKind::Toggle, by_client: false, frame: 7 }),
         cut_start: true,
         truncated: true,
         ..write.clone()

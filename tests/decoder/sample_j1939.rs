@@ -72,6 +72,7 @@ fn transfers(layout: &Arc<Layout>) -> Vec<EventKind> {
         size: 14,
         missing: 1,
         repeated: 1,
+        spacing: Some((51_000_000, 180_000_000)),
         data: vec![1; 14],
         truncated: true,
         layout: Some(Arc::clone(layout)),

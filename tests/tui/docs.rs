@@ -10,7 +10,7 @@ use crate::cli::run;
 use crate::support::workspace;
 
 /// Compares with a file of `docs/`, or writes it with `COBSCOPE_BLESS=1`.
-fn is_current(name: &str, text: &str) {
+pub fn is_current(name: &str, text: &str) {
     let path = workspace().join("docs").join(name);
     if env::var_os("COBSCOPE_BLESS").is_some() {
         fs::write(&path, text).unwrap();
@@ -97,4 +97,14 @@ fn the_counts_of_profiles_are_those_printed() {
             assert!(output.contains(&line), "{profile}: {line}{output}");
         }
     }
+}
+
+#[test]
+fn the_rules() {
+    let text = run(&["rules", "-f", "markdown"], "").stdout;
+    for line in text.lines().filter_map(|line| line.split_once("](../")) {
+        let path = line.1.split(')').next().unwrap();
+        assert!(workspace().join(path).exists(), "{path}");
+    }
+    is_current("rules.md", &text);
 }

@@ -66,7 +66,9 @@ fn emergencies_that_say_something() {
     assert_eq!(filtered("kind == emcy && code != 0", "emcy.log"), expected);
     assert_eq!(filtered("vendor_data contains DE:AD", "emcy.log"), ["11 emcy"]);
     assert_eq!(filtered("action == ready", "emcy.log"), ["13 emcy"]);
-    assert_eq!(filtered("text matches \"TEMPERATURE$\"", "emcy.log"), ["14 emcy"]);
+    // A finding says so too, as long as it is open.
+    let expected = ["14 emcy", "14 finding-opened", "15 finding-closed"];
+    assert_eq!(filtered("text matches \"TEMPERATURE$\"", "emcy.log"), expected);
 }
 
 #[test]
@@ -83,7 +85,7 @@ fn states_and_commands() {
 
 #[test]
 fn a_limit_by_frames_goes_by_the_last_one() {
-    let both = events(&["--from", "#6", "--to", "#10"], "sdo_abort.log");
+    let both = events(&["--from", "#6", "--to", "#10", "--no-findings"], "sdo_abort.log");
     assert_eq!(both, ["5-6 sdo-transfer", "7-8 sdo-transfer", "9-10 sdo-transfer"]);
 }
 

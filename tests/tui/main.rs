@@ -2,6 +2,8 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 mod bus_file;
+mod check;
+mod check_schema;
 mod cli;
 mod dbc;
 mod docs;

@@ -1,6 +1,7 @@
 //! The command line. These texts are its help, its man page and its completions.
 
 use std::ffi::OsString;
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -37,11 +38,15 @@ pub enum Command {
     Why(WhyArgs),
     /// Judge captures by rules: what violates a standard, a manual or your expectations
     ///
-    /// Ends with 1 where there are findings at or above --fail-on.
+    /// A folder stands for all captures in and below it, in the order of their names; files in it that are no
+    /// captures, and hidden ones, are passed over. Ends with 1 where there are findings at or above --fail-on, a
+    /// rule of --require-exercised is not exercised, or one that the baseline has exercised is not any more.
     Check(CheckArgs),
-    /// Say what a code, an identifier, an object or one frame means
+    /// List the rules: name, severity, whether it is on, whether it judges times, the defect
+    Rules(RulesArgs),
+    /// Say what a code, an identifier, an object, one frame or a rule means
     ///
-    /// THING is an SDO abort code (06020000), an EMCY code (8130), an object (1018:01, 0x1018:01,
+    /// THING is a rule (node-lost, rexroth-sydfec:NAME; cobscope rules lists them), an SDO abort code (06020000), an EMCY code (8130), an object (1018:01, 0x1018:01,
     /// 1018h:01h, 1018sub1), a COB-ID (185), a 29-bit identifier (18FECA80), a J1939 group (pgn:65226,
     /// pgn:0xFECA), a J1939 fault (298985/19: SPN/FMI) or one frame in candump's log form (701#05).
     Explain {
@@ -198,6 +203,9 @@ pub struct DecodeArgs {
     /// Time column: a(bsolute), d(elta), z(ero: since the first frame), A (date, UTC) (text)
     #[arg(short = 't', value_name = "COLUMN", default_value = "z")]
     pub time_column: TimeColumn,
+    /// Do not judge: no findings among the events
+    #[arg(long)]
+    pub no_findings: bool,
     /// Colours: auto uses them on a terminal unless NO_COLOR is set
     #[arg(long, value_name = "WHEN", default_value = "auto")]
     pub color: Color,
@@ -279,9 +287,80 @@ pub struct WhyArgs {
 pub struct CheckArgs {
     #[command(flatten)]
     pub input: InputArgs,
+    /// Output format
+    #[arg(short, long, value_name = "FORMAT", default_value = "text")]
+    pub format: FindingFormat,
+    /// Write to FILE instead of standard output
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
     /// Findings from which on the exit status is 1
     #[arg(long, value_name = "SEVERITY", default_value = "error")]
     pub fail_on: FailOn,
+    /// Findings that are known and accepted: only others, and worse ones, fail (JSON, see --update-baseline)
+    #[arg(long, value_name = "FILE")]
+    pub baseline: Option<PathBuf>,
+    /// Write what is found now to the file of --baseline, instead of comparing with it
+    #[arg(long, requires = "baseline")]
+    pub update_baseline: bool,
+    /// Fail if one of these rules had nothing to judge in any capture
+    #[arg(long, value_name = "RULE", value_delimiter = ',')]
+    pub require_exercised: Vec<String>,
+    /// Show how often each rule, and each case of CiA's conformance test plan, was judged (text; jsonl always
+    /// says it)
+    #[arg(long)]
+    pub coverage: bool,
+    /// Show every occurrence that was kept, and what is suppressed or accepted (text)
+    #[arg(short, long)]
+    pub verbose: bool,
+    /// Captures judged at the same time; the output is the same (default: as many as there are processors)
+    #[arg(long, value_name = "N")]
+    pub threads: Option<NonZeroUsize>,
+    /// Day on which suppressions of the bus file may have run out (default: today)
+    #[arg(long, value_name = "DATE")]
+    pub today: Option<jiff::civil::Date>,
+    /// Use the profiles in $XDG_CONFIG_HOME/cobscope/profiles too; without, every machine judges alike
+    #[arg(long)]
+    pub user_profiles: bool,
+    /// Colours: auto uses them on a terminal unless NO_COLOR is set
+    #[arg(long, value_name = "WHEN", default_value = "auto")]
+    pub color: Color,
+}
+
+/// Formats of findings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum FindingFormat {
+    /// Lines and a table for people
+    Text,
+    /// One JSON object a finding and a capture, and a total (docs/check.schema.json)
+    Jsonl,
+    /// JUnit XML: a suite a capture, a case a rule
+    Junit,
+    /// SARIF 2.1.0 for code scanning
+    Sarif,
+    /// Commands of GitHub Actions: notes beside the lines of captures
+    Github,
+}
+
+/// `cobscope rules`.
+#[derive(Debug, Args)]
+pub struct RulesArgs {
+    /// Output format
+    #[arg(short, long, value_name = "FORMAT", default_value = "text")]
+    pub format: RulesFormat,
+    /// Folder with profiles of your own, whose rules are listed too (repeatable)
+    #[arg(long, value_name = "DIR")]
+    pub profiles: Vec<PathBuf>,
+}
+
+/// Formats of the list of rules.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum RulesFormat {
+    /// A table
+    Text,
+    /// One JSON array, with everything known of each rule
+    Json,
+    /// The same for a document
+    Markdown,
 }
 
 /// Findings that make `check` fail.

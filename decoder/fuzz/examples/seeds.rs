@@ -43,6 +43,13 @@ fn main() -> Result<(), Box<dyn Error>> {
             continue;
         }
         let name = name.replace('/', "_");
+        let bus_file: Vec<_> = String::from_utf8_lossy(&bytes)
+            .lines()
+            .filter_map(|line| line.strip_prefix("#| ").map(str::to_owned))
+            .collect();
+        if !bus_file.is_empty() {
+            put(&corpus, "expectations", &name, bus_file.join("\n").as_bytes())?;
+        }
         put(&corpus, "any", &name, &bytes)?;
         let Ok(mut reader) = Reader::open(&bytes[..], &ReadOptions::default()) else { continue };
         put(&corpus, reader.format().name, &name, &bytes)?;

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use serde::Deserialize;
 use toml::Spanned;
 
+use super::expectation::{self, Expectation};
 use super::model::Wrong;
 use crate::profile::device::Severity;
 use crate::wire::NodeId;
@@ -18,6 +19,8 @@ pub struct Judgement {
     pub rules: Vec<RuleSettings>,
     /// `[[suppress]]`.
     pub suppressions: Vec<Suppression>,
+    /// `[[expect]]`.
+    pub expectations: Vec<Expectation>,
 }
 
 /// What is said of one rule.
@@ -80,7 +83,7 @@ pub(super) struct Suppress {
 
 #[derive(Deserialize)]
 #[serde(untagged, expecting = "a node-ID, or a J1939 address as \"sa:0x80\"")]
-enum Number {
+pub(super) enum Number {
     Integer(u8),
     Text(String),
 }
@@ -93,10 +96,14 @@ enum Day {
 }
 
 /// Takes what the file says, or tells the first thing wrong with it.
-pub(super) fn check(rules: Rules, suppress: Vec<Suppress>) -> Result<Judgement, Wrong> {
+pub(super) fn check(
+    rules: Rules,
+    suppress: Vec<Suppress>,
+    expect: Vec<expectation::Entry>,
+) -> Result<Judgement, Wrong> {
     let rules = rules.into_iter().map(|(name, keys)| settings(&name, keys)).collect::<Result<_, _>>()?;
     let suppressions = suppress.into_iter().map(Suppress::check).collect::<Result<_, _>>()?;
-    Ok(Judgement { rules, suppressions })
+    Ok(Judgement { rules, suppressions, expectations: expectation::check(expect)? })
 }
 
 fn settings(
@@ -158,7 +165,8 @@ impl Suppress {
     }
 }
 
-fn node_id(number: &Spanned<Number>) -> Result<NodeId, Wrong> {
+/// The node that is meant.
+pub(super) fn node_id(number: &Spanned<Number>) -> Result<NodeId, Wrong> {
     let parsed = match number.get_ref() {
         Number::Integer(id) => id.to_string().parse(),
         Number::Text(text) => text.parse(),

@@ -8,7 +8,7 @@ use toml::Spanned;
 
 use super::value::{Value, bytes};
 use super::{AreaEntry, BIT_RATES, BusFile, ObjectValue, Settings};
-use super::{judgement, uds};
+use super::{expectation, judgement, uds};
 use crate::frame::CanId;
 use crate::profile::{Owner, PdoName};
 use crate::wire::NodeId;
@@ -43,6 +43,8 @@ pub(super) struct File {
     rules: judgement::Rules,
     #[serde(default)]
     suppress: Vec<judgement::Suppress>,
+    #[serde(default)]
+    expect: Vec<expectation::Entry>,
 }
 
 #[derive(Deserialize)]
@@ -166,7 +168,7 @@ impl File {
             let settings = settings(bus.bitrate, bus.node, bus.id, bus.uds)?;
             Ok((name, Settings { databases: bus.dbc.into(), ..settings }))
         });
-        let judgement = judgement::check(self.rules, self.suppress)?;
+        let judgement = judgement::check(self.rules, self.suppress, self.expect)?;
         Ok(BusFile { everywhere, buses: buses.collect::<Result<_, Wrong>>()?, judgement })
     }
 }

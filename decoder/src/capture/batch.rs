@@ -22,7 +22,16 @@ impl Default for Batch {
 impl Batch {
     /// An empty batch.
     pub fn new() -> Self {
-        Self { frames: vec![Frame::EMPTY; BATCH_FRAMES].into(), length: 0, notices: Vec::new() }
+        Self::of(BATCH_FRAMES)
+    }
+
+    /// An empty batch of a frame: what is known of the reader's place belongs to it.
+    pub fn of_one() -> Self {
+        Self::of(1)
+    }
+
+    fn of(frames: usize) -> Self {
+        Self { frames: vec![Frame::EMPTY; frames].into(), length: 0, notices: Vec::new() }
     }
 
     /// Forgets all frames and notices; keeps the memory.
@@ -34,7 +43,7 @@ impl Batch {
     /// Whether no further frame fits.
     #[inline]
     pub fn is_full(&self) -> bool {
-        self.length >= BATCH_FRAMES || self.notices.len() >= BATCH_FRAMES
+        self.length >= self.frames.len() || self.notices.len() >= self.frames.len()
     }
 
     /// Whether it holds neither frame nor notice.
@@ -52,7 +61,7 @@ impl Batch {
     /// Takes the frame last handed out by [`Batch::slot`] into the batch.
     #[inline]
     pub fn commit(&mut self) {
-        self.length = (self.length + 1).min(BATCH_FRAMES);
+        self.length = (self.length + 1).min(self.frames.len());
     }
 
     /// Adds a whole frame; dropped when full, so ask [`Batch::is_full`] first.

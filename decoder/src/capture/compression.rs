@@ -2,16 +2,27 @@
 
 use std::io::{BufRead, Read};
 
+/// First bytes of gzip (RFC 1952).
+const GZIP: &[u8] = &[0x1F, 0x8B];
+
+/// First bytes of zstd (RFC 8878).
+const ZSTD: &[u8] = &[0x28, 0xB5, 0x2F, 0xFD];
+
+/// Whether a file that begins with these bytes is compressed, so that its lines are not those of the capture.
+pub fn is_compressed(head: &[u8]) -> bool {
+    head.starts_with(GZIP) || head.starts_with(ZSTD)
+}
+
 /// Undoes gzip (RFC 1952, several members) or zstd (RFC 8878); other content passes through.
 ///
 /// # Errors
 /// When the source fails, or it is compressed in a way this build leaves out.
 pub fn decompress<'a>(mut source: impl BufRead + 'a) -> std::io::Result<Box<dyn Read + 'a>> {
     let head = source.fill_buf()?;
-    if head.starts_with(&[0x1F, 0x8B]) {
+    if head.starts_with(GZIP) {
         return gzip(source);
     }
-    if head.starts_with(&[0x28, 0xB5, 0x2F, 0xFD]) {
+    if head.starts_with(ZSTD) {
         return zstd(source);
     }
     Ok(Box::new(source))

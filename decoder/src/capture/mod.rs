@@ -31,7 +31,7 @@ use std::fmt;
 
 pub use batch::{BATCH_FRAMES, Batch, Item};
 pub use candump::TimeStyle;
-pub use compression::decompress;
+pub use compression::{decompress, is_compressed};
 pub use reader::{Position, Reader};
 
 /// Input a parser may be asked to look at before it must take some: longer lines and records are
@@ -172,6 +172,11 @@ pub trait Parser: Send {
 
     /// Buses seen so far.
     fn buses(&self) -> &BusNames;
+
+    /// Line that was taken last, from 1; none in a binary format.
+    fn line(&self) -> Option<u64> {
+        None
+    }
 
     /// A copy at the same place.
     fn clone_box(&self) -> Box<dyn Parser>;

@@ -117,6 +117,11 @@ impl<R: Read> Reader<R> {
         self.parser.buses()
     }
 
+    /// Line that was taken last, from 1, in a text format: that of a frame where batches hold only one.
+    pub fn line(&self) -> Option<u64> {
+        self.parser.line()
+    }
+
     /// Format found at the start.
     pub fn format(&self) -> &'static Format {
         self.format

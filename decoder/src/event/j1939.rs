@@ -124,6 +124,8 @@ pub struct J1939Transfer {
     pub missing: u32,
     /// Packets seen more than once.
     pub repeated: u32,
+    /// Of a broadcast, shortest and longest time between its frames in nanoseconds, missing packets apart.
+    pub spacing: Option<(i64, i64)>,
     /// Data in order, cut at 64 KiB; up to the first gap where packets are missing.
     pub data: Vec<u8>,
     /// `data` is not whole: over the limit, or packets were not seen.

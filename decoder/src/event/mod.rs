@@ -21,7 +21,9 @@ pub use j1939::{
     TransportMode,
 };
 pub use node::{BootCause, Certainty, EmcyAction, Emergency, PowerSign, Silence, StateCause, StateChange};
-pub use transfer::{Abort, Crc, Direction, Mode, Outcome, Pdo, SdoTransfer};
+pub use transfer::{
+    Abort, Crc, Direction, Mode, Outcome, Pdo, SdoIrregularity, SdoIrregularityKind, SdoTransfer,
+};
 pub use uds::{Ends, ExchangeOutcome, IsoTpTransfer, Message, MessageOutcome, UdsExchange};
 
 use std::sync::Arc;

@@ -1,5 +1,6 @@
 //! Events of a node's life: states, boot-up, silence, errors.
 
+use crate::frame::CanId;
 use crate::wire::canopen::NmtState;
 use crate::wire::canopen::emcy::ByteOrder;
 
@@ -151,6 +152,8 @@ impl EmcyAction {
 /// An emergency message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Emergency {
+    /// Its identifier.
+    pub cob_id: CanId,
     /// Code in the byte order in force; `None` for "ready".
     pub code: Option<u16>,
     /// Error register, object 0x1001.

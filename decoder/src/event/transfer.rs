@@ -116,6 +116,39 @@ pub struct Abort {
     pub by_client: bool,
 }
 
+/// What within a transfer is against the protocol.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SdoIrregularityKind {
+    /// A toggle bit that does not alternate, or does not answer the other side's.
+    Toggle,
+    /// A block size other than 1 to 127.
+    BlockSize,
+    /// A sequence number beyond the block, or an acknowledgement of one.
+    Sequence,
+}
+
+impl SdoIrregularityKind {
+    /// The name used in all output.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Toggle => "toggle",
+            Self::BlockSize => "block-size",
+            Self::Sequence => "sequence",
+        }
+    }
+}
+
+/// The first thing within a transfer that is against the protocol.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SdoIrregularity {
+    /// What.
+    pub what: SdoIrregularityKind,
+    /// The client did it rather than the server.
+    pub by_client: bool,
+    /// Frame.
+    pub frame: u64,
+}
+
 /// One SDO transfer, from its first frame to its last.
 #[derive(Debug, Clone)]
 pub struct SdoTransfer {
@@ -157,6 +190,8 @@ pub struct SdoTransfer {
     pub abort: Option<Abort>,
     /// CRC of a block transfer.
     pub crc: Option<Crc>,
+    /// What in it is against the protocol.
+    pub irregularity: Option<SdoIrregularity>,
     /// First frames not in the capture.
     pub cut_start: bool,
     /// Last frames not in the capture.

@@ -214,6 +214,13 @@ impl Layout {
         })
     }
 
+    /// The value of one field, where the payload has it.
+    pub fn signal<'a>(&'a self, field: usize, payload: &[u8]) -> Option<Signal<'a>> {
+        let field = self.fields.get(field).filter(|field| self.is_selected(field, payload))?;
+        let raw = field.extract(payload)?;
+        Some(Signal { field, raw, value: field.value(raw) })
+    }
+
     /// Fields a payload is too short for. One that is not selected is not missed.
     pub fn missing<'a>(&'a self, payload: &'a [u8]) -> impl Iterator<Item = &'a Field> {
         self.fields
@@ -378,6 +385,8 @@ mod tests {
         assert_eq!(bits(&[1, 8, 7, 0]), [0, 8]);
         // Of the third neither: the second is not there, whatever its bits are. The last two select each other.
         assert_eq!(bits(&[2, 9, 7, 0]), [0]);
+        assert_eq!(layout.signal(2, &[5, 9, 7, 0]).map(|it| it.raw), Some(7));
+        assert!(layout.signal(2, &[1, 8, 7, 0]).is_none() && layout.signal(5, &[5, 9, 7, 0]).is_none());
         assert_eq!(layout.missing(&[5, 9]).map(|it| it.bit).collect::<Vec<_>>(), [16]);
         assert_eq!(layout.missing(&[2]).count(), 0);
     }

@@ -81,6 +81,35 @@ pub(super) enum Expression {
     Test { field: Operand, question: Question },
 }
 
+impl Question {
+    /// The one value a field must equal.
+    fn only_answer(&self) -> Option<&str> {
+        match self {
+            Self::Compare(Relation::Equal, value) => Some(&value.text),
+            Self::In(members) => match members.as_slice() {
+                [Member { from, to: None }] => Some(&from.text),
+                _ => None,
+            },
+            _ => None,
+        }
+    }
+}
+
+impl Expression {
+    /// Values that fields of these names must equal for the whole to be true.
+    pub(super) fn required<'a>(&'a self, is_meant: &dyn Fn(&str) -> bool, found: &mut Vec<&'a str>) {
+        match self {
+            Self::And(parts) => parts.iter().for_each(|part| part.required(is_meant, found)),
+            Self::Test { field, question } if is_meant(&field.text) => {
+                if let Some(value) = question.only_answer() {
+                    found.push(value);
+                }
+            }
+            Self::Or(_) | Self::Not(_) | Self::Test { .. } => {}
+        }
+    }
+}
+
 impl fmt::Display for Expression {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -17,6 +17,7 @@ use std::sync::Arc;
 use super::compile::{Compiled, Node, Test, compile};
 use super::error::FilterError;
 use super::expression::Expression;
+use super::fields::resolve;
 use super::kinds::KindSet;
 use super::parser::parse;
 use super::record::{self, FieldValue, Fields};
@@ -62,6 +63,20 @@ impl Filter {
     /// The kinds of events it can match; all others it does not.
     pub fn kinds(&self) -> KindSet {
         self.0.compiled.may
+    }
+
+    /// Whether it asks for a field.
+    pub fn asks(&self, key: &str) -> bool {
+        self.0.compiled.tests.iter().any(|test| test.keys().any(|asked| asked == key))
+    }
+
+    /// Values a field must have for the filter to match, as they are written.
+    pub fn required(&self, key: &str) -> Vec<&str> {
+        let mut found = Vec::new();
+        self.0
+            .written
+            .required(&|name| resolve(name).iter().any(|target| target.field.key == key), &mut found);
+        found
     }
 }
 

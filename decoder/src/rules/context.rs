@@ -5,6 +5,7 @@ use std::collections::BinaryHeap;
 use std::sync::Arc;
 
 use super::ledger::{Claim, Ledger, occurrence};
+use super::meter::Meter;
 use super::traffic::Traffic;
 use crate::event::{Certainty, Event, FrameRange};
 use crate::finding::{About, Key, Occurrence, Severity};
@@ -31,6 +32,10 @@ pub struct Context<'a> {
     pub granularity: i64,
     /// PDOs by identifier.
     pub traffic: &'a Traffic,
+    /// Frames in all.
+    pub meter: &'a Meter,
+    /// A conformance test marks its cases on this bus: what it asks for that must be refused is deliberate.
+    pub is_tested: bool,
     /// Silences left out so far, in nanoseconds.
     pub(super) silence: i64,
     pub(super) bus_name: &'a Arc<str>,
@@ -73,6 +78,11 @@ impl<'a> Context<'a> {
             _ => !self.bus.is_canopen(),
         };
         Alarm::new(self, node, occurrence(time, frames), is_presumed)
+    }
+
+    /// Why a rule had nothing to judge: said at the end where it had nothing on any bus.
+    pub(super) fn unexercised(&mut self, why: String) {
+        self.ledger.unexercised(self.rule, why);
     }
 
     /// An ongoing finding is over.
@@ -170,6 +180,18 @@ impl<'b, 'a> Alarm<'b, 'a> {
     /// Other frames than the event's.
     pub fn frames(mut self, frames: FrameRange) -> Self {
         self.at.frames = frames;
+        self
+    }
+
+    /// Its protocol is presumed only, or is not: as it was when what shows it came.
+    pub fn presumed(mut self, is_presumed: bool) -> Self {
+        self.is_presumed = is_presumed;
+        self
+    }
+
+    /// It is about the bus itself, whatever its protocol.
+    pub fn certain(mut self) -> Self {
+        self.is_presumed = false;
         self
     }
 

@@ -102,6 +102,13 @@ pub fn section<'a>(explanation: &'a str, heading: &str) -> Option<&'a str> {
     None
 }
 
+/// An explanation as it is read: without the blank each line begins with, and without what is for tests only.
+pub fn manual(explanation: &str) -> String {
+    let lines = explanation.lines().map(|line| line.strip_prefix(' ').unwrap_or(line));
+    let lines: Vec<_> = lines.take_while(|line| line.trim() != "# Mutation").collect();
+    lines.join("\n").trim().to_owned()
+}
+
 /// Declares a rule: its doc comment is its explanation.
 macro_rules! declare_rule {
     ($(#[doc = $doc:literal])+ $name:literal, $severity:ident, $title:literal,
@@ -141,5 +148,6 @@ mod tests {
         assert_eq!(section(text, "One").map(str::trim), Some("a b\n c"));
         assert_eq!(section(text, "Two").map(str::trim), Some("d"));
         assert_eq!(section(text, "Three"), None);
+        assert_eq!(manual(" # One\n a b\n\n # Mutation\n d\n"), "# One\na b");
     }
 }

@@ -7,16 +7,24 @@ use std::sync::Arc;
 use super::causes::causes;
 use super::context::{Context, LEDGER, Wake};
 use super::device::{self, DeviceRules};
+use super::interests::Interests;
 use super::ledger::{Ledger, News, What, occurrence};
+use super::meter::Meter;
 use super::setup::Setup;
 use super::traffic::Traffic;
 use super::{REGISTRY, Rule};
 use crate::event::{Event, EventKind, FrameRange, Protocol};
 use crate::finding::Findings;
 use crate::frame::Frame;
-use crate::query::{KIND_COUNT, KindSet};
+use crate::query::KindSet;
 use crate::session::{Bus, Observer};
 use crate::statistics::Quality;
+
+/// Frames from which the step of the stamps is known.
+const STAMPS_JUDGED: u64 = 1_000;
+
+/// Kinds that limit the verdicts.
+const LIMITING: [&str; 4] = ["unreadable", "lost-frames", "clock-step", "bus-silent"];
 
 /// Judges one capture. A rule sees one bus only: each has rules of its own.
 pub struct Engine {
@@ -26,18 +34,25 @@ pub struct Engine {
     quality: Quality,
     /// News that wait until the stamps are known to be more than a made-up step.
     held: Vec<News>,
-    /// Kinds that may explain findings.
+    /// Kinds that may explain findings or limit the verdicts.
     explaining: KindSet,
     events: u64,
 }
 
 /// The rules of one bus, and what they share.
 struct BusJudge {
-    name: Arc<str>,
     rules: Vec<(u16, Box<dyn Rule>)>,
-    /// Places in `rules` by kind of event.
-    by_kind: [Vec<u16>; KIND_COUNT],
+    interests: Interests,
+    shared: Shared,
+    has_begun: bool,
+}
+
+/// What the rules of one bus share.
+struct Shared {
+    name: Arc<str>,
     traffic: Traffic,
+    meter: Meter,
+    is_tested: bool,
     wakes: BinaryHeap<Wake>,
     now: i64,
     silence: i64,
@@ -46,17 +61,40 @@ struct BusJudge {
     granularity: i64,
 }
 
+impl Shared {
+    /// What a rule sees; which rule it is is set for each.
+    #[inline]
+    fn context<'a>(&'a mut self, bus: &'a Bus, ledger: &'a mut Ledger) -> Context<'a> {
+        Context {
+            bus,
+            now: self.now,
+            has_time: self.has_time,
+            traffic: &self.traffic,
+            meter: &self.meter,
+            is_tested: self.is_tested,
+            granularity: self.granularity,
+            silence: self.silence,
+            bus_name: &self.name,
+            rule: 0,
+            place: 0,
+            ledger,
+            wakes: &mut self.wakes,
+        }
+    }
+}
+
 impl Engine {
     /// An engine that has seen nothing.
     pub fn new(setup: Arc<Setup>) -> Self {
         let explaining = KindSet::by_name(|name| causes().explaining().iter().any(|by| by == name));
+        let limiting = KindSet::by_name(|name| LIMITING.contains(&name));
         Self {
             ledger: Ledger::new(Arc::clone(&setup)),
             setup,
             buses: Vec::new(),
             quality: Quality::default(),
             held: Vec::new(),
-            explaining,
+            explaining: explaining.or(limiting),
             events: 0,
         }
     }
@@ -65,6 +103,9 @@ impl Engine {
     #[inline]
     pub fn frame(&mut self, frame: &Frame) {
         self.quality.frame(frame);
+        if let Some(judge) = self.buses.get_mut(usize::from(frame.bus.0)) {
+            judge.shared.meter.frame(frame);
+        }
     }
 
     /// Judges an event. News of findings go to `out` as events of their own.
@@ -79,21 +120,26 @@ impl Engine {
             self.ledger.mark(*marker, event.frames.last);
         }
         if let Some(judge) = self.buses.get_mut(index) {
-            judge.granularity = self.quality.granularity().unwrap_or(0);
+            if self.quality.frames <= STAMPS_JUDGED {
+                judge.shared.granularity = self.quality.granularity().unwrap_or(0);
+            }
             judge.event(event, bus, &mut self.ledger);
             if self.explaining.contains(&event.kind) {
-                self.ledger.saw(event.kind.name(), bus.index(), judge.now);
+                self.ledger.saw(event.kind.name(), bus.index(), judge.shared.now);
+                self.quality.event(event);
             }
         }
-        self.quality.event(event);
         if !self.ledger.news.is_empty() || !self.held.is_empty() {
             self.tell(bus, self.quality.has_varied(), out);
         }
     }
 
-    /// Lets time pass on a live bus that is quiet.
+    /// Lets time pass on a live bus that is quiet. Whether all of it fell silent, which puts deadlines off, only the
+    /// next frame tells: until then none is judged where that can be.
     pub fn advance(&mut self, bus: &Bus, out: &mut dyn Observer) {
-        if let Some(judge) = self.buses.get_mut(usize::from(bus.index().0)) {
+        if let Some(judge) = self.buses.get_mut(usize::from(bus.index().0))
+            && bus.silence_limit().is_none()
+        {
             judge.pass_time(bus.now(), bus, &mut self.ledger);
         }
         self.tell(bus, true, out);
@@ -102,7 +148,7 @@ impl Engine {
     /// The capture ended: closes what is open, and gives everything that was judged.
     pub fn finish(mut self, buses: &[Bus], out: &mut dyn Observer) -> Findings {
         for (judge, bus) in self.buses.iter_mut().zip(buses) {
-            judge.finish(bus, &mut self.ledger);
+            judge.all(bus, &mut self.ledger, |rule, context| rule.finish(context));
             self.ledger.close_all(bus);
         }
         let made_up = self.quality.made_up_interval();
@@ -178,70 +224,75 @@ fn notes(quality: &Quality) -> Vec<String> {
 
 impl BusJudge {
     fn new(bus: &Bus, setup: &Setup, ledger: &mut Ledger) -> Self {
-        let mut judge = Self {
+        let shared = Shared {
             name: bus.name().into(),
-            rules: Vec::new(),
-            by_kind: std::array::from_fn(|_| Vec::new()),
             traffic: Traffic::default(),
+            meter: Meter::new(bus.bit_rate()),
+            is_tested: false,
             wakes: BinaryHeap::new(),
             now: i64::MIN,
             silence: 0,
             has_time: false,
             granularity: 0,
         };
+        let interests = Interests::default();
+        let mut judge = Self { rules: Vec::new(), interests, shared, has_begun: false };
         let devices = DeviceRules::new(bus, ledger);
-        judge.add(0, devices.wanted(), Box::new(devices));
+        let kinds = devices.wanted();
+        judge.add(0, Box::new(devices), |interests, place| interests.kinds(kinds, place));
         for (place, entry) in REGISTRY.iter().enumerate() {
             let is_on = ledger.rules.get(place).is_some_and(|rule| rule.is_on);
             if let (true, Ok(rule)) = (is_on, u16::try_from(place)) {
-                let kinds = KindSet::by_name(|name| entry.declaration.kinds.contains(&name));
-                judge.add(rule, kinds, (entry.make)(setup));
+                judge.add(rule, (entry.make)(setup), |interests, place| {
+                    interests.declared(entry.declaration.kinds, place);
+                });
+            }
+        }
+        for (rule, expectation) in setup.expectations_on(bus.name()) {
+            if ledger.rules.get(usize::from(rule)).is_some_and(|info| info.is_on) {
+                let kinds = expectation.kinds();
+                judge.add(rule, expectation.make(), |interests, place| interests.kinds(kinds, place));
             }
         }
         judge
     }
 
-    fn add(&mut self, rule: u16, kinds: KindSet, made: Box<dyn Rule>) {
+    fn add(&mut self, rule: u16, made: Box<dyn Rule>, interested: impl Fn(&mut Interests, u16)) {
         let Ok(place) = u16::try_from(self.rules.len()) else { return };
         self.rules.push((rule, made));
-        for kind in kinds.places() {
-            if let Some(list) = self.by_kind.get_mut(kind) {
-                list.push(place);
-            }
-        }
+        interested(&mut self.interests, place);
     }
 
     #[inline]
     fn event(&mut self, event: &Event, bus: &Bus, ledger: &mut Ledger) {
         if let Some(stamp) = event.time {
+            let monotonic = bus.monotonic(stamp);
             if let EventKind::BusSilent { gap } = event.kind {
-                self.silence = self.silence.saturating_add(gap);
+                // Deadlines before the bus counted as silent have passed: time goes on from the last of them.
+                let silence = self.shared.silence.saturating_add(gap);
+                self.shared.silence = silence.min(monotonic.saturating_sub(self.shared.now));
             }
-            self.has_time = true;
-            self.pass_time(bus.monotonic(stamp), bus, ledger);
+            self.shared.has_time = true;
+            self.pass_time(monotonic, bus, ledger);
+        }
+        if !std::mem::replace(&mut self.has_begun, true) {
+            self.all(bus, ledger, |rule, context| rule.begin(context));
+        }
+        if self.shared.meter.take_over() {
+            self.all(bus, ledger, |rule, context| rule.second(context));
         }
         match &event.kind {
-            EventKind::Pdo(pdo) => self.traffic.saw_pdo(pdo, self.now, event.frames.last),
-            EventKind::Sync { .. } => self.traffic.saw_sync(),
+            EventKind::Pdo(pdo) => self.shared.traffic.saw_pdo(pdo, self.shared.now, event.frames.last),
+            EventKind::Sync { .. } => self.shared.traffic.saw_sync(),
+            EventKind::TestCase(_) => self.shared.is_tested = true,
             _ => {}
         }
-        let Some(list) = self.by_kind.get(KindSet::place(&event.kind)) else { return };
-        for place in list {
-            let Some((rule, made)) = self.rules.get_mut(usize::from(*place)) else { continue };
-            let mut context = Context {
-                bus,
-                now: self.now,
-                has_time: self.has_time,
-                granularity: self.granularity,
-                traffic: &self.traffic,
-                silence: self.silence,
-                bus_name: &self.name,
-                rule: *rule,
-                place: *place,
-                ledger,
-                wakes: &mut self.wakes,
-            };
-            made.event(event, &mut context);
+        let mut context = self.shared.context(bus, ledger);
+        for place in self.interests.of(event) {
+            if let Some((rule, made)) = self.rules.get_mut(usize::from(*place)) {
+                (context.rule, context.place) = (*rule, *place);
+                made.event(event, &mut context);
+            }
         }
         if device::attaches(&event.kind) {
             self.listen();
@@ -251,70 +302,47 @@ impl BusJudge {
     /// What is asked for by the rules of devices changed: they stand first, and explain others.
     #[cold]
     fn listen(&mut self) {
-        let Some(kinds) = self.rules.first().and_then(|(_, devices)| devices.kinds()) else { return };
-        for (kind, list) in self.by_kind.iter_mut().enumerate() {
-            list.retain(|place| *place != 0);
-            if kinds.places().any(|own| own == kind) {
-                list.insert(0, 0);
-            }
+        if let Some(kinds) = self.rules.first().and_then(|(_, devices)| devices.kinds()) {
+            self.interests.renew(0, kinds);
         }
     }
 
     /// Time goes on to a monotonic time: wakes whoever asked for one before it.
     #[inline]
     fn pass_time(&mut self, monotonic: i64, bus: &Bus, ledger: &mut Ledger) {
-        let now = monotonic.saturating_sub(self.silence).max(self.now);
-        while let Some(Reverse((due, place, token))) = self.wakes.peek().copied()
+        let now = monotonic.saturating_sub(self.shared.silence).max(self.shared.now);
+        while let Some(Reverse((due, place, token))) = self.shared.wakes.peek().copied()
             && due < now
         {
-            self.wakes.pop();
+            self.shared.wakes.pop();
             self.wake((due, place, token), bus, ledger);
         }
-        self.now = now;
+        self.shared.now = now;
     }
 
     #[cold]
     fn wake(&mut self, (due, place, token): (i64, u16, u64), bus: &Bus, ledger: &mut Ledger) {
-        self.now = self.now.max(due);
+        let shared = &mut self.shared;
+        shared.now = shared.now.max(due);
         if place == LEDGER {
-            let at = occurrence(bus.stamp_of(due.saturating_add(self.silence)), last_frame(bus));
+            let at = occurrence(bus.stamp_of(due.saturating_add(shared.silence)), last_frame(bus));
             let again = usize::try_from(token).ok().and_then(|group| ledger.quiet(group, due, at));
-            self.wakes.extend(again.map(|time| Reverse((time, LEDGER, token))));
+            shared.wakes.extend(again.map(|time| Reverse((time, LEDGER, token))));
             return;
         }
         let Some((rule, made)) = self.rules.get_mut(usize::from(place)) else { return };
-        let mut context = Context {
-            bus,
-            now: self.now,
-            has_time: self.has_time,
-            granularity: self.granularity,
-            traffic: &self.traffic,
-            silence: self.silence,
-            bus_name: &self.name,
-            rule: *rule,
-            place,
-            ledger,
-            wakes: &mut self.wakes,
-        };
+        let mut context = shared.context(bus, ledger);
+        (context.rule, context.place) = (*rule, place);
         made.wake(token, &mut context);
     }
 
-    fn finish(&mut self, bus: &Bus, ledger: &mut Ledger) {
+    /// Calls all rules.
+    #[cold]
+    fn all(&mut self, bus: &Bus, ledger: &mut Ledger, call: fn(&mut dyn Rule, &mut Context<'_>)) {
+        let mut context = self.shared.context(bus, ledger);
         for (place, (rule, made)) in self.rules.iter_mut().enumerate() {
-            let mut context = Context {
-                bus,
-                now: self.now,
-                has_time: self.has_time,
-                granularity: self.granularity,
-                traffic: &self.traffic,
-                silence: self.silence,
-                bus_name: &self.name,
-                rule: *rule,
-                place: u16::try_from(place).unwrap_or(LEDGER),
-                ledger,
-                wakes: &mut self.wakes,
-            };
-            made.finish(&mut context);
+            (context.rule, context.place) = (*rule, u16::try_from(place).unwrap_or(LEDGER));
+            call(&mut **made, &mut context);
         }
     }
 }

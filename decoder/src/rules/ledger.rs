@@ -14,6 +14,7 @@ use super::setup::Setup;
 use crate::event::{FindingNews, FrameRange};
 use crate::finding::{
     About, Cause, Findings, GROUP_LIMIT, Group, KEPT_OCCURRENCES, Key, Occurrence, RuleInfo, Severity, Tally,
+    Verdict,
 };
 use crate::frame::{BusIndex, Timestamp};
 use crate::session::Bus;
@@ -89,6 +90,8 @@ pub(super) struct Ledger {
     /// The conformance test that is being run.
     run: Run,
     pub(super) news: Vec<News>,
+    /// Why rules had nothing to judge.
+    unexercised: Vec<(u16, String)>,
 }
 
 impl Ledger {
@@ -108,6 +111,7 @@ impl Ledger {
             ungrouped: 0,
             run: Run::default(),
             news: Vec::new(),
+            unexercised: Vec::new(),
         }
     }
 
@@ -115,6 +119,25 @@ impl Ledger {
     pub(super) fn pass(&mut self, rule: u16) {
         if let Some(tally) = self.tallies.get_mut(usize::from(rule)) {
             tally.passed += 1;
+        }
+    }
+
+    /// Takes note of why a rule had nothing to judge; said of the first bus that says so.
+    pub(super) fn unexercised(&mut self, rule: u16, why: String) {
+        if !self.unexercised.iter().any(|(known, _)| *known == rule) {
+            self.unexercised.push((rule, why));
+        }
+    }
+
+    /// What is said of rules that had nothing to judge.
+    fn say_unexercised(&self, quality: &mut Vec<String>) {
+        for (rule, why) in &self.unexercised {
+            let place = usize::from(*rule);
+            if let (Some(info), Some(tally)) = (self.rules.get(place), self.tallies.get(place))
+                && tally.verdict() == Verdict::NotExercised
+            {
+                quality.push(format!("{} is not exercised: {why}", info.name));
+            }
         }
     }
 
@@ -399,8 +422,9 @@ impl Ledger {
     }
 
     /// Everything judged; of rules that judge times nothing where `is_timed` says so.
-    pub(super) fn into_findings(mut self, is_timed: bool, quality: Vec<String>, events: u64) -> Findings {
+    pub(super) fn into_findings(mut self, is_timed: bool, mut quality: Vec<String>, events: u64) -> Findings {
         self.link_late_causes();
+        self.say_unexercised(&mut quality);
         if !is_timed {
             let judges_time =
                 |rule: u16| self.rules.get(usize::from(rule)).is_some_and(|rule| rule.is_timing);
@@ -420,7 +444,7 @@ impl Ledger {
                 cases.entry(Arc::clone(case)).or_default().add(*tally);
             }
         }
-        let suppressions = self.setup.unused(&self.groups);
+        let suppressions = self.setup.uses(&self.groups);
         let conformance = self.run.into_verdicts(is_timed, &self.rules);
         Findings {
             rules: self.rules,

@@ -8,22 +8,29 @@
 //! fixture `fixtures/rules/<name>.log` its proof. It sees the events of one bus, asks to be woken at deadlines,
 //! and keeps what it must remember; a rule never parses bytes.
 
+mod abort_codes;
 mod causes;
 pub mod conformance;
 mod context;
 mod declaration;
 mod device;
 mod engine;
+mod expectation;
 mod general;
+mod interests;
 mod ledger;
+mod machines;
+mod meter;
 mod nodes;
 mod setup;
 mod traffic;
 
 pub use context::{Alarm, Context};
-pub use declaration::{Declaration, HEADINGS, Tolerance, section};
+pub use declaration::{Declaration, HEADINGS, Tolerance, manual, section};
 pub use engine::{Engine, Judge};
+pub use expectation::Expectation;
 pub use general::REGISTRY;
+pub use meter::{Meter, Second};
 pub use nodes::{NodeMap, NodeSet};
 pub use setup::Setup;
 pub use traffic::{PdoSlot, Traffic};
@@ -33,6 +40,9 @@ use crate::query::KindSet;
 
 /// Judges the events of one bus.
 pub trait Rule {
+    /// Called before the first event.
+    fn begin(&mut self, _context: &mut Context<'_>) {}
+
     /// An event of one of the kinds it declared.
     fn event(&mut self, event: &Event, context: &mut Context<'_>);
 
@@ -43,6 +53,9 @@ pub trait Rule {
 
     /// A time it asked for has passed.
     fn wake(&mut self, _token: u64, _context: &mut Context<'_>) {}
+
+    /// A second of the bus is over, as its frames' stamps say: [`Context::meter`] has what was in it.
+    fn second(&mut self, _context: &mut Context<'_>) {}
 
     /// Nothing more comes.
     fn finish(&mut self, _context: &mut Context<'_>) {}

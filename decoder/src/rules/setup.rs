@@ -5,9 +5,11 @@ use std::sync::Arc;
 
 use super::declaration::Declaration;
 use super::declarations;
-use crate::bus_file::{BusFile, RuleSettings, Suppression};
-use crate::finding::{Group, RuleInfo, Severity};
+use super::expectation::Expectation;
+use crate::bus_file::{self, BusFile, RuleSettings, Suppression};
+use crate::finding::{Group, RuleInfo, Severity, SuppressionUse};
 use crate::profile::TextError;
+use crate::wire::NodeId;
 
 /// Rules, tolerances, suppressions.
 #[derive(Debug, Clone)]
@@ -19,6 +21,8 @@ pub struct Setup {
     tolerances: HashMap<(&'static str, &'static str), f64>,
     suppressions: Vec<Suppression>,
     today: Option<String>,
+    /// Expectations with the places of their rules.
+    expectations: Vec<(u16, Expectation)>,
 }
 
 impl Default for Setup {
@@ -30,6 +34,7 @@ impl Default for Setup {
             tolerances: HashMap::new(),
             suppressions: Vec::new(),
             today: None,
+            expectations: Vec::new(),
         }
     }
 }
@@ -39,9 +44,13 @@ impl Setup {
     /// that ran out.
     ///
     /// # Errors
-    /// Rules and tolerances that do not exist, values that are none; with the place in `text`.
+    /// Rules and tolerances that do not exist, values that are none, expressions that cannot be understood; with the
+    /// place in `text`.
     pub fn new(file: &BusFile, text: &str, today: Option<String>) -> Result<Self, TextError> {
         let mut setup = Self { suppressions: file.judgement.suppressions.clone(), today, ..Self::default() };
+        for written in &file.judgement.expectations {
+            setup.expect(written, text)?;
+        }
         for settings in &file.judgement.rules {
             setup.take(settings, text)?;
         }
@@ -53,6 +62,27 @@ impl Setup {
             }
         }
         Ok(setup)
+    }
+
+    /// Whether there is such a rule, for who names it on the command line.
+    ///
+    /// # Errors
+    /// There is none; the text says which are like it.
+    pub fn check_name(&self, rule: &str) -> Result<(), String> {
+        if self.knows(rule) { Ok(()) } else { Err(self.unknown(rule)) }
+    }
+
+    fn expect(&mut self, written: &bus_file::Expectation, text: &str) -> Result<(), TextError> {
+        let expectation = Expectation::compile(written, text)?;
+        let id = &written.id;
+        let place = u16::try_from(self.rules.len()).ok().filter(|_| !self.knows(&id.text));
+        let Some(place) = place else {
+            let message = format!("'{}' is the name of a rule already", id.text);
+            return Err(TextError::at(text, id.span.clone(), message));
+        };
+        self.rules.push(expectation.info().clone());
+        self.expectations.push((place, expectation));
+        Ok(())
     }
 
     /// A name with a colon is a device's rule, which is known once the device is.
@@ -103,6 +133,12 @@ impl Setup {
         &self.rules
     }
 
+    /// Expectations about a bus, with the places of their rules.
+    pub(super) fn expectations_on(&self, bus: &str) -> impl Iterator<Item = (u16, &Expectation)> {
+        let all = self.expectations.iter().filter(move |(_, one)| one.is_about(bus));
+        all.map(|(place, one)| (*place, one))
+    }
+
     /// A tolerance of a rule: what the bus file says, else its default.
     pub fn tolerance(&self, declaration: &Declaration, key: &'static str) -> f64 {
         let given = self.tolerances.get(&(declaration.name, key)).copied();
@@ -138,20 +174,25 @@ impl Setup {
         matches!((&suppression.until, &self.today), (Some(until), Some(today)) if until < today)
     }
 
-    /// What is to be said of suppressions that met nothing, or ran out.
-    pub(super) fn unused(&self, groups: &[Group]) -> Vec<String> {
-        let mut said = Vec::new();
-        for one in &self.suppressions {
-            let what = &one.rule;
-            if self.is_over(one) {
-                let until = one.until.as_deref().unwrap_or_default();
-                said.push(format!("suppression of {what} ran out on {until}: {}", one.reason));
-            } else if !groups.iter().any(|group| covers(one, group)) {
-                said.push(format!("suppression of {what} met nothing: {}", one.reason));
-            }
-        }
-        said
+    /// What each suppression came to.
+    pub(super) fn uses(&self, groups: &[Group]) -> Vec<SuppressionUse> {
+        let uses = self.suppressions.iter().map(|one| {
+            let is_over = self.is_over(one);
+            let met = if is_over { 0 } else { groups.iter().filter(|group| covers(one, group)).count() };
+            let ended = one.until.clone().filter(|_| is_over);
+            SuppressionUse { what: what(one), reason: Arc::clone(&one.reason), ended, met }
+        });
+        uses.collect()
     }
+}
+
+/// `node-lost of can0 node 5 1018:01`.
+fn what(suppression: &Suppression) -> String {
+    let node = suppression.node.map(NodeId::words);
+    let parts = [suppression.bus.clone(), node, suppression.about.clone()];
+    let of: Vec<_> = parts.into_iter().flatten().collect();
+    let of = if of.is_empty() { String::new() } else { format!(" of {}", of.join(" ")) };
+    format!("{}{of}", suppression.rule)
 }
 
 fn covers(suppression: &Suppression, group: &Group) -> bool {

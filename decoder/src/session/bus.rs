@@ -176,8 +176,7 @@ impl Bus {
     /// Lets time pass to `stamp` without a frame: a live bus that is quiet.
     pub fn advance(&mut self, stamp: Timestamp, out: &mut dyn Observer) {
         if self.clock.runs() {
-            let number = self.last_frame;
-            self.tick(stamp, number, out);
+            self.pass(stamp, out);
         }
     }
 

@@ -19,6 +19,8 @@ pub(super) struct Clock {
     last_stamp: Option<i64>,
     offset: i64,
     now: i64,
+    /// Time of the last frame; without frames time may have gone on.
+    heard: i64,
     periodic: Periodic,
 }
 
@@ -48,20 +50,21 @@ impl Clock {
     #[inline]
     pub(super) fn advance(&mut self, stamp: Timestamp) -> Advance {
         let Some(last_stamp) = self.last_stamp.replace(stamp.0) else {
-            self.now = stamp.0;
+            (self.now, self.heard) = (stamp.0, stamp.0);
             return Advance { now: self.now, step: None, silence: None };
         };
         let mut step = None;
         if stamp.0 < last_stamp {
             let difference = stamp.0.saturating_sub(last_stamp);
             if difference < -JITTER {
-                self.offset = self.now.saturating_sub(stamp.0);
+                self.offset = self.heard.saturating_sub(stamp.0);
             }
             step = Some(difference);
         }
-        let before = self.now;
-        self.now = before.max(stamp.0.saturating_add(self.offset));
-        let gap = self.now.saturating_sub(before);
+        let before = self.heard;
+        self.heard = before.max(stamp.0.saturating_add(self.offset));
+        self.now = self.now.max(self.heard);
+        let gap = self.heard.saturating_sub(before);
         let silence = match self.periodic.limit {
             Some(limit) if gap > limit => {
                 // A silence is no pattern: the next interval does not count.
@@ -71,6 +74,19 @@ impl Clock {
             _ => None,
         };
         Advance { now: self.now, step, silence }
+    }
+
+    /// Time goes on to `stamp` without a frame. It stops where the bus may have fallen silent: only the next frame
+    /// tells whether it has.
+    pub(super) fn pass(&mut self, stamp: Timestamp) -> i64 {
+        let last = self.periodic.limit.map_or(i64::MAX, |limit| self.heard.saturating_add(limit));
+        self.now = self.now.max(stamp.0.saturating_add(self.offset).min(last));
+        self.now
+    }
+
+    /// How long all traffic may stop before the bus counts as silent; none until its pattern is known.
+    pub(super) fn silence_limit(&self) -> Option<i64> {
+        self.periodic.limit
     }
 
     /// Monotonic time in nanoseconds.
@@ -145,6 +161,23 @@ mod tests {
         }
         assert_eq!(at(&mut clock, 2_990 + 150).silence, None);
         assert_eq!(at(&mut clock, 6_140).silence, Some((3_000 * MS, 200 * MS)));
+    }
+
+    #[test]
+    fn time_that_passes_without_frames_is_no_traffic() {
+        let mut clock = Clock::default();
+        for index in 0..300 {
+            at(&mut clock, index * 10);
+            clock.saw_periodic();
+        }
+        for milliseconds in [3_050, 3_150, 4_000] {
+            clock.pass(Timestamp(milliseconds * MS));
+        }
+        assert_eq!((clock.now(), clock.silence_limit()), (3_190 * MS, Some(200 * MS)));
+        let woken = at(&mut clock, 6_140);
+        assert_eq!((woken.silence, woken.step), (Some((3_150 * MS, 200 * MS)), None));
+        clock.pass(Timestamp(6_150 * MS));
+        assert_eq!(at(&mut clock, 6_145).now, 6_150 * MS);
     }
 
     #[test]

@@ -17,6 +17,14 @@ impl Bus {
         }
     }
 
+    /// Takes a time at which no frame came.
+    pub(super) fn pass(&mut self, stamp: Timestamp, out: &mut dyn Observer) {
+        let now = self.clock.pass(stamp);
+        if self.timers.is_due(now) {
+            self.expire(now, out);
+        }
+    }
+
     #[cold]
     fn irregular(
         &mut self,

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::Bus;
 use super::belief::Standing;
 use super::device::GateState;
+use super::j1939::Cadence;
 use super::node::Node;
 use super::routes::Service;
 use super::timers::Subject;
@@ -14,6 +15,7 @@ use crate::profile::{Meaning, NothingKnown, Resolver, plain_device};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
+use crate::wire::j1939::Pgn;
 
 impl Bus {
     /// Name of the interface.
@@ -41,6 +43,12 @@ impl Bus {
         self.clock.stamp_of(time)
     }
 
+    /// How long all traffic may stop before the bus counts as silent, in nanoseconds; none until the pattern of its
+    /// periodic messages is known.
+    pub fn silence_limit(&self) -> Option<i64> {
+        self.clock.silence_limit()
+    }
+
     /// Number of the last frame of this bus; 0 before the first.
     pub fn last_frame(&self) -> u64 {
         self.last_frame
@@ -54,6 +62,11 @@ impl Bus {
     /// Whether the 29-bit frames are believed to be J1939.
     pub fn is_j1939(&self) -> bool {
         self.j1939.is_believed()
+    }
+
+    /// Whether an address is in the middle of a transfer of several packets that can be about a group.
+    pub fn is_transferring(&self, source: u8, pgn: Pgn) -> bool {
+        self.transports.has_of(source, pgn)
     }
 
     /// Name and unit of a suspect parameter, by the user's databases.
@@ -75,6 +88,12 @@ impl Bus {
     /// All gates of all set points of a node that were seen, closed ones first.
     pub fn gates(&self, node: impl Into<NodeId>) -> Vec<GateState> {
         self.node(node).map_or_else(Vec::new, |node| node.gates(self.clock.now()))
+    }
+
+    /// Of a J1939 message that a device waits for: that device, and the nanoseconds its manual gives.
+    pub fn awaited(&self, id: CanId) -> Option<(NodeId, i64)> {
+        let slot = self.routes.find(id).and_then(|slot| self.routes.slot(slot))?;
+        slot.cadence.as_deref().map(Cadence::limit)
     }
 
     /// What an object of a node means now; of one never heard what CiA 301 says.

@@ -1,23 +1,20 @@
 //! `cobscope decode`: captures to events.
 
-use std::fs::File;
-use std::io::{BufWriter, ErrorKind, IsTerminal as _, Write};
+use std::io::{ErrorKind, IsTerminal as _, Write};
+use std::sync::Arc;
 
-use anyhow::Context as _;
 use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::frame::Frame;
+use cobscope_decoder::rules::{Engine, Judge, Setup};
 use cobscope_decoder::session::{Bus, Observer};
 use cobscope_decoder::sink::jsonl::Jsonl;
 use cobscope_decoder::sink::text::{self, PdoLines, Text, TextOptions};
 
-use super::input::{captures, session_options};
-use super::{Watcher, complain, decode_capture};
-use crate::cli::{Color, DecodeArgs, Format, Pdo, TimeColumn};
+use super::input::{captures, session_options, setup};
+use super::{Watcher, complain, decode_capture, is_colored, output};
+use crate::cli::{DecodeArgs, Format, Pdo, TimeColumn};
 use crate::exit_code::Exit;
 use crate::select::Selection;
-
-/// Bytes gathered before they are written.
-const OUTPUT_BUFFER: usize = 64 * 1024;
 
 /// Runs the command.
 pub fn run(arguments: &DecodeArgs) -> Exit {
@@ -28,8 +25,11 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
             return Exit::Usage;
         }
     };
-    let options = match session_options(&arguments.input) {
-        Ok(options) => options,
+    let today = jiff::Zoned::now().date().to_string();
+    let ready = session_options(&arguments.input)
+        .and_then(|options| Ok((options, setup(&arguments.input, Some(today))?)));
+    let (options, setup) = match ready {
+        Ok((options, setup)) => (options, Arc::new(setup)),
         Err(error) => {
             complain(&error);
             return Exit::Profile;
@@ -42,8 +42,12 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
         if several {
             printer.begin_capture(&path.display().to_string());
         }
-        let failure = match decode_capture(path, &arguments.input, &options, &mut printer) {
-            Ok(decoded) => decoded.failure,
+        let mut judging = Judging { engine: engine(arguments, &setup), printer: &mut printer };
+        let failure = match decode_capture(path, &arguments.input, &options, &mut judging) {
+            Ok(decoded) => {
+                judging.finish(decoded.decoder.buses());
+                decoded.failure
+            }
             Err(error) => Some(error),
         };
         if let Some(error) = failure {
@@ -62,6 +66,62 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
             exit.max(Exit::Capture)
         }
         _ => exit,
+    }
+}
+
+/// What judges, where somebody reads it.
+fn engine(arguments: &DecodeArgs, setup: &Arc<Setup>) -> Option<Engine> {
+    let is_wanted = !arguments.no_findings && arguments.format != Format::None;
+    is_wanted.then(|| Engine::new(Arc::clone(setup)))
+}
+
+/// Judges events on their way to the printer: findings come right behind what shows them.
+struct Judging<'a> {
+    engine: Option<Engine>,
+    printer: &'a mut Printer,
+}
+
+impl Judging<'_> {
+    fn finish(self, buses: &[Bus]) {
+        if let Some(engine) = self.engine
+            && !self.printer.is_done()
+        {
+            engine.finish(buses, self.printer);
+        }
+    }
+}
+
+impl Observer for Judging<'_> {
+    fn event(&mut self, event: &Event, bus: &Bus) {
+        match &mut self.engine {
+            Some(engine) => Judge { engine, out: self.printer }.event(event, bus),
+            None => self.printer.event(event, bus),
+        }
+    }
+}
+
+impl Watcher for Judging<'_> {
+    fn is_on_terminal(&self) -> bool {
+        self.printer.on_terminal
+    }
+
+    fn is_done(&self) -> bool {
+        self.printer.is_done()
+    }
+
+    fn begin(&mut self, first: &Frame) -> anyhow::Result<()> {
+        self.printer.begin(first)
+    }
+
+    fn wants_frames(&self) -> bool {
+        self.engine.is_some()
+    }
+
+    fn frame(&mut self, frame: &Frame) -> bool {
+        if let Some(engine) = &mut self.engine {
+            engine.frame(frame);
+        }
+        true
     }
 }
 
@@ -84,15 +144,31 @@ impl Printer {
     fn new(arguments: &DecodeArgs) -> anyhow::Result<Self> {
         let default_pdo = if arguments.format == Format::Text { Pdo::Change } else { Pdo::All };
         let pdo = arguments.pdo.unwrap_or(default_pdo);
+        let to = arguments.output.as_deref();
         let sink = match arguments.format {
             Format::None => Sink::None,
-            Format::Text => Sink::Text(Text::new(output(arguments)?, text_options(arguments, pdo))),
-            Format::Jsonl => Sink::Jsonl(Jsonl::new(output(arguments)?)),
+            Format::Text => Sink::Text(Text::new(output(to)?, text_options(arguments, pdo))),
+            Format::Jsonl => Sink::Jsonl(Jsonl::new(output(to)?)),
         };
         let selection = Selection::new(&arguments.select);
         let prints = arguments.output.is_none() && arguments.format != Format::None;
         let on_terminal = prints && std::io::stdout().is_terminal();
         Ok(Self { sink, selection, pdo, frames: arguments.frames, on_terminal })
+    }
+
+    fn is_done(&self) -> bool {
+        match &self.sink {
+            Sink::Text(text) => text.has_failed(),
+            Sink::Jsonl(jsonl) => jsonl.has_failed(),
+            Sink::None => false,
+        }
+    }
+
+    fn begin(&mut self, first: &Frame) -> anyhow::Result<()> {
+        if let Sink::Text(text) = &mut self.sink {
+            text.see(first.time);
+        }
+        self.selection.begin(first)
     }
 
     fn begin_capture(&mut self, name: &str) {
@@ -150,49 +226,7 @@ impl Observer for Printer {
     }
 }
 
-impl Watcher for Printer {
-    fn is_on_terminal(&self) -> bool {
-        self.on_terminal
-    }
-
-    fn is_done(&self) -> bool {
-        match &self.sink {
-            Sink::Text(text) => text.has_failed(),
-            Sink::Jsonl(jsonl) => jsonl.has_failed(),
-            Sink::None => false,
-        }
-    }
-
-    fn begin(&mut self, first: &Frame) -> anyhow::Result<()> {
-        if let Sink::Text(text) = &mut self.sink {
-            text.see(first.time);
-        }
-        self.selection.begin(first)
-    }
-}
-
-fn output(arguments: &DecodeArgs) -> anyhow::Result<Box<dyn Write>> {
-    Ok(match &arguments.output {
-        Some(path) => {
-            let file =
-                File::create(path).with_context(|| format!("{}: cannot be written", path.display()))?;
-            Box::new(BufWriter::with_capacity(OUTPUT_BUFFER, file))
-        }
-        // A pipe or a file takes large pieces; on a terminal each line shows at once.
-        None if std::io::stdout().is_terminal() => Box::new(std::io::stdout()),
-        None => Box::new(BufWriter::with_capacity(OUTPUT_BUFFER, std::io::stdout().lock())),
-    })
-}
-
 fn text_options(arguments: &DecodeArgs, pdo: Pdo) -> TextOptions {
-    let color = match arguments.color {
-        Color::Always => true,
-        Color::Never => false,
-        Color::Auto => {
-            let wanted = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
-            wanted && arguments.output.is_none() && std::io::stdout().is_terminal()
-        }
-    };
     TextOptions {
         time: match arguments.time_column {
             TimeColumn::Absolute => text::TimeColumn::Absolute,
@@ -208,6 +242,6 @@ fn text_options(arguments: &DecodeArgs, pdo: Pdo) -> TextOptions {
         all: arguments.all,
         frames: arguments.frames,
         verbose: arguments.verbose,
-        color,
+        color: is_colored(arguments.color, arguments.output.is_some()),
     }
 }

@@ -35,10 +35,17 @@ pub(super) fn read_options(input: &InputArgs) -> ReadOptions {
 /// # Errors
 /// A bus file, profile, device file or database that cannot be read, is broken or does not exist.
 pub(super) fn session_options(input: &InputArgs) -> anyhow::Result<SessionOptions> {
+    options_of(input, catalogue(&input.profiles))
+}
+
+/// The same by the profiles of `catalogue`.
+///
+/// # Errors
+/// As [`session_options`].
+pub(super) fn options_of(input: &InputArgs, mut catalogue: Catalogue) -> anyhow::Result<SessionOptions> {
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     let sdo_silence = (input.sdo_timeout * 1e9) as i64;
     let bus_file = input.bus.as_deref().map(bus_file).transpose()?.unwrap_or_default();
-    let mut catalogue = catalogue(&input.profiles);
     let mut assignments = assignments(input, &bus_file, &mut catalogue)?;
     assignments.extend(device_files::assignments(input, &bus_file)?);
     let databases = databases(input, &bus_file)?;
@@ -106,13 +113,24 @@ pub(super) fn catalogue(folders: &[PathBuf]) -> Catalogue {
     if let Some(folder) = user_folder().filter(|folder| folder.is_dir()) {
         add_folder(&mut catalogue, &folder);
     }
+    add_folders(&mut catalogue, folders);
+    catalogue
+}
+
+/// All profiles that are the same on every machine: those of this program and of the folders named.
+pub(super) fn common_catalogue(folders: &[PathBuf]) -> Catalogue {
+    let mut catalogue = Catalogue::default();
+    add_folders(&mut catalogue, folders);
+    catalogue
+}
+
+fn add_folders(catalogue: &mut Catalogue, folders: &[PathBuf]) {
     for folder in folders {
         if !folder.is_dir() {
             warn(&format!("{}: is no folder", folder.display()));
         }
-        add_folder(&mut catalogue, folder);
+        add_folder(catalogue, folder);
     }
-    catalogue
 }
 
 /// `$XDG_CONFIG_HOME/cobscope/profiles`.

@@ -11,12 +11,14 @@ mod objects;
 mod profile_markdown;
 mod profile_page;
 mod profiles;
+mod rules;
 mod shell;
 mod stats;
 mod want;
 mod why;
 
-use std::io::Write as _;
+use std::fs::File;
+use std::io::{BufWriter, IsTerminal as _, Write};
 use std::path::Path;
 
 use anyhow::Context as _;
@@ -26,7 +28,7 @@ use cobscope_decoder::frame::Frame;
 use cobscope_decoder::session::{Observer, SessionOptions};
 use cobscope_decoder::sink::escape;
 
-use crate::cli::{Cli, Command, InputArgs};
+use crate::cli::{Cli, Color, Command, InputArgs};
 use crate::exit_code::Exit;
 use crate::source;
 use input::{captures, read_options, session_options};
@@ -38,6 +40,7 @@ pub fn run(cli: Cli) -> Exit {
         Command::Stats(arguments) => stats::run(&arguments),
         Command::Objects(arguments) => objects::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
+        Command::Rules(arguments) => rules::run(&arguments),
         Command::Why(arguments) => why::run(&arguments),
         Command::Explain { thing, device, profiles } => explain::run(&thing, device.as_deref(), &profiles),
         Command::Profiles { command, profiles } => profiles::run(&command, &input::catalogue(&profiles)),
@@ -90,13 +93,32 @@ struct Decoded {
     format: &'static str,
     /// Why reading ended early, if it did.
     failure: Option<anyhow::Error>,
+    /// What else is to be said of it.
+    warnings: Vec<String>,
+}
+
+/// Decodes one capture into `watcher`, and says what there is to be said of it.
+///
+/// # Errors
+/// When the capture cannot be opened or recognised, or holds no frame.
+fn decode_capture(
+    path: &Path,
+    input: &InputArgs,
+    options: &SessionOptions,
+    watcher: &mut dyn Watcher,
+) -> anyhow::Result<Decoded> {
+    let decoded = decode_quietly(path, input, options, watcher)?;
+    for warning in &decoded.warnings {
+        let _ = writeln!(std::io::stderr(), "cobscope: {warning}");
+    }
+    Ok(decoded)
 }
 
 /// Decodes one capture into `watcher`.
 ///
 /// # Errors
 /// When the capture cannot be opened or recognised, or holds no frame.
-fn decode_capture(
+fn decode_quietly(
     path: &Path,
     input: &InputArgs,
     options: &SessionOptions,
@@ -132,34 +154,66 @@ fn decode_capture(
     capture.progress.finish();
     decoder.finish(capture.reader.buses(), watcher);
     // Of a capture that was not read to its end not all buses are known.
-    if !watcher.is_done() {
-        warn_of_unknown_buses(path, options, capture.reader.buses());
-    }
+    let warnings =
+        if watcher.is_done() { Vec::new() } else { unknown_buses(path, options, capture.reader.buses()) };
     match failure {
         Some(failure) if !has_frames => Err(failure),
         None if !has_frames => anyhow::bail!("{}: holds no frame", path.display()),
-        failure => Ok(Decoded { decoder, format: capture.reader.format().title, failure }),
+        failure => Ok(Decoded { decoder, format: capture.reader.format().title, failure, warnings }),
     }
 }
 
 /// A bus file that names a bus the capture does not have is most likely meant for another name.
-fn warn_of_unknown_buses(path: &Path, options: &SessionOptions, names: &BusNames) {
+fn unknown_buses(path: &Path, options: &SessionOptions, names: &BusNames) -> Vec<String> {
     let unknown = options.bus_file.buses.iter().filter(|(name, _)| !names.names().contains(name));
-    for (name, _) in unknown {
+    let said = unknown.map(|(name, _)| {
         let has = escape(&names.names().join(", ")).into_owned();
         let (path, name) = (path.display(), escape(name));
-        let _ = writeln!(
-            std::io::stderr(),
-            "cobscope: {path}: has no bus {name}, which the bus file names; it has {has}"
-        );
+        format!("{path}: has no bus {name}, which the bus file names; it has {has}")
+    });
+    said.collect()
+}
+
+/// Bytes gathered before they are written.
+const OUTPUT_BUFFER: usize = 64 * 1024;
+
+/// Where output goes: a file, else standard output.
+///
+/// # Errors
+/// When the file cannot be written.
+fn output(path: Option<&Path>) -> anyhow::Result<Box<dyn Write>> {
+    Ok(match path {
+        Some(path) => {
+            let file =
+                File::create(path).with_context(|| format!("{}: cannot be written", path.display()))?;
+            Box::new(BufWriter::with_capacity(OUTPUT_BUFFER, file))
+        }
+        // A pipe or a file takes large pieces; on a terminal each line shows at once.
+        None if std::io::stdout().is_terminal() => Box::new(std::io::stdout()),
+        None => Box::new(BufWriter::with_capacity(OUTPUT_BUFFER, std::io::stdout().lock())),
+    })
+}
+
+/// Whether output is coloured.
+fn is_colored(color: Color, is_file: bool) -> bool {
+    match color {
+        Color::Always => true,
+        Color::Never => false,
+        Color::Auto => {
+            let wanted = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+            wanted && !is_file && std::io::stdout().is_terminal()
+        }
     }
 }
 
 /// Passes a batch on; `false` when the watcher ends the capture within it.
 fn push_batch(decoder: &mut Decoder, batch: &Batch, names: &BusNames, watcher: &mut dyn Watcher) -> bool {
     let wants_frames = watcher.wants_frames();
-    if batch.notices().is_empty() && !wants_frames {
+    if batch.notices().is_empty() {
         for frame in batch.frames() {
+            if wants_frames && !watcher.frame(frame) {
+                return false;
+            }
             decoder.push(frame, names, watcher);
         }
         return true;

@@ -14,6 +14,7 @@
 
 pub mod dbc;
 pub mod device_file;
+pub mod expectations;
 pub mod observe;
 pub mod pipeline;
 pub mod profile;
@@ -23,6 +24,7 @@ pub mod wire;
 
 pub use dbc::dbc;
 pub use device_file::device_file;
+pub use expectations::expectations;
 pub use pipeline::any;
 pub use profile::profile;
 pub use session::{devices, session};
@@ -58,6 +60,7 @@ pub const TARGETS: &[Target] = &[
     ("device_file", device_file),
     ("dbc", dbc),
     ("profile", profile),
+    ("expectations", expectations),
 ];
 
 /// The candump reader.

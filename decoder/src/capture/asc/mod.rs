@@ -187,6 +187,10 @@ impl Parser for Asc {
         &self.buses
     }
 
+    fn line(&self) -> Option<u64> {
+        Some(self.lines.number())
+    }
+
     fn clone_box(&self) -> Box<dyn Parser> {
         Box::new(self.clone())
     }

@@ -184,6 +184,10 @@ impl Parser for Trc {
         &self.buses
     }
 
+    fn line(&self) -> Option<u64> {
+        Some(self.lines.number())
+    }
+
     fn clone_box(&self) -> Box<dyn Parser> {
         Box::new(self.clone())
     }

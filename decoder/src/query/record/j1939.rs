@@ -70,6 +70,10 @@ fn j1939_transfer(transfer: &J1939Transfer, fields: &mut dyn Fields) {
             number(key, count, fields);
         }
     }
+    if let Some((shortest, longest)) = transfer.spacing {
+        fields.field("shortest_gap", FieldValue::Seconds(shortest));
+        fields.field("longest_gap", FieldValue::Seconds(longest));
+    }
     fields.field("data", FieldValue::Bytes(&transfer.data));
     fields.field("duration", transfer.duration.map_or(FieldValue::Null, FieldValue::Seconds));
     fields.field("outcome", FieldValue::Text(transfer.outcome.name()));

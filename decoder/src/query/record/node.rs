@@ -64,6 +64,7 @@ pub(super) fn node_silence(silence: &Silence, fields: &mut dyn Fields) {
 }
 
 pub(super) fn emcy(emergency: &Emergency, device: &Device, fields: &mut dyn Fields) {
+    fields.field("cob_id", FieldValue::Id(emergency.cob_id));
     match emergency.code {
         Some(code) => {
             fields.field("code", FieldValue::Code(u64::from(code), 4));

@@ -150,6 +150,13 @@ pub(super) fn sdo_transfer(transfer: &SdoTransfer, device: &Device, fields: &mut
     if let Some(crc) = transfer.crc {
         fields.field("crc", FieldValue::Text(crc.name()));
     }
+    if let Some(irregularity) = transfer.irregularity {
+        fields.open("irregularity");
+        fields.field("what", FieldValue::Text(irregularity.what.name()));
+        fields.field("by", FieldValue::Text(if irregularity.by_client { "client" } else { "server" }));
+        fields.field("frame", FieldValue::Unsigned(irregularity.frame));
+        fields.close();
+    }
     cut(transfer.cut_start, transfer.cut_end, fields);
     if transfer.truncated {
         fields.field("truncated", FieldValue::Bool(true));

@@ -49,6 +49,7 @@ impl Bus {
         let alternative = code.and_then(|code| alternative(&node.device, code));
         let active = u16::try_from(node.active_errors.len()).unwrap_or(u16::MAX);
         let emergency = Emergency {
+            cob_id: frame.id,
             code,
             register,
             vendor,

@@ -39,7 +39,12 @@ impl Bus {
             Err(error) => return self.malformed(frame, id, error, "error control has one byte", out),
         };
         self.clock.saw_periodic();
-        let is_reply = message.toggle || self.node(id).is_some_and(|node| node.guarding.is_open);
+        // A node whose heartbeat is on leaves guarding requests unanswered (CiA 301 §7.5.2.20): what comes behind
+        // one is its next heartbeat.
+        let is_reply = message.toggle
+            || self.node(id).is_some_and(|node| {
+                node.guarding.is_open && node.heartbeat.configured.is_none_or(|time| time == 0)
+            });
         if message.state == Some(NmtState::Initialising) && !message.toggle {
             self.on_boot_up(id, frame, out);
         } else if is_reply {

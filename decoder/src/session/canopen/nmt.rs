@@ -8,9 +8,9 @@ use crate::frame::Frame;
 use crate::session::device::Restart;
 use crate::session::node::NmtStatus;
 use crate::session::{Bus, Observer};
-use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 use crate::wire::canopen::nmt::{self, NmtService};
+use crate::wire::{Malformed, NodeId};
 
 /// After a change, messages the node had already queued still come (in nanoseconds).
 const QUEUED: i64 = 20_000_000;
@@ -61,6 +61,10 @@ impl Bus {
         // A target above 127 addresses nobody.
         let target = NodeId::Canopen(command.target);
         self.emit(frame, Some(target).filter(|target| target.is_valid()), false, kind, out);
+        if frame.length > 2 {
+            let error = Malformed { layer: "nmt", offset: 2, needed: 0, available: frame.length };
+            self.malformed(frame, None, error, "an NMT command has two bytes", out);
+        }
         let Some(to) = to else { return };
         if command.target == 0 && to == NmtState::Initialising {
             self.reset_all = Some((frame.number, restart(command.service)));

@@ -213,6 +213,11 @@ impl Node {
         states.iter().any(|to| leads(machine, &from.name, to, control, known.rising))
     }
 
+    /// The control word of a machine as sent last on the bus; `None` if none was seen.
+    pub fn control_word(&self, machine: usize) -> Option<u64> {
+        self.behaviour.machines.get(machine)?.control
+    }
+
     /// State names of all machines: channel, state, whether it is a fault, whether set points act in it.
     pub fn device_states(&self) -> impl Iterator<Item = (Option<u8>, &State)> {
         let machines = self.device.machines.iter().enumerate();

@@ -49,6 +49,11 @@ impl Cadence {
         }
     }
 
+    /// Device whose manual gives a time, and that time in nanoseconds.
+    pub(in crate::session) fn limit(&self) -> (NodeId, i64) {
+        (self.node, self.limit)
+    }
+
     /// All traffic stopped for so long: the time does not count.
     pub(in crate::session) fn postpone(&mut self, delay: i64) {
         if !self.is_overdue {

@@ -1,182 +1,264 @@
 //! Findings for people: what limits the verdicts first, the worst first, what follows from a finding beneath it,
-//! and a summary at the end.
+//! and all captures in one table at the end.
 
 use std::fmt::Write as _;
 
-use super::Judged;
-use crate::event::FrameRange;
-use crate::finding::{CaseVerdict, Cause, Group, Occurrence, Severity, Verdict};
-use crate::frame::Timestamp;
+use super::incident::{absorbed, incidents};
+use super::{Judged, Outcome, Report, Standing, moment, notes, plural, seconds, what, when, who};
+use super::{conformance, coverage};
+use crate::finding::{Group, Severity, SuppressionUse, Verdict};
 use crate::sink::escape;
-use crate::wire::NodeId;
-use crate::wire::canopen::test_marker::TestResult;
+use crate::sink::table::{Align, Table};
 
-/// Writes what was judged of one capture.
-pub fn write(judged: &Judged, out: &mut String) {
-    let findings = &judged.findings;
-    let _ = writeln!(out, "== {}", escape(&judged.capture));
-    for note in &findings.quality {
-        let _ = writeln!(out, "quality: {}", escape(note));
-    }
-    let mut roots: Vec<&Group> = findings.counting().filter(|group| !is_effect(group, judged)).collect();
-    roots.sort_by_key(|group| (std::cmp::Reverse(group.severity), group.id));
-    for group in roots {
-        write_group(group, judged, 0, out);
-    }
-    write_conformance(judged, out);
-    for said in &findings.suppressions {
-        let _ = writeln!(out, "note     {}", escape(said));
-    }
-    if findings.ungrouped > 0 {
-        let _ = writeln!(out, "note     {} further findings found no room", findings.ungrouped);
-    }
-    write_summary(judged, out);
+/// Incidents of a capture that are told unless all are asked for; the others are counted.
+const SHOWN_INCIDENTS: usize = 50;
+
+/// How much is told.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct TextOptions {
+    /// ANSI colours.
+    pub color: bool,
+    /// Every occurrence that was kept, what is suppressed and what is accepted.
+    pub verbose: bool,
+    /// How often each rule and each case of the test plan was judged.
+    pub coverage: bool,
 }
 
-/// Whether it is told beneath another one.
-fn is_effect(group: &Group, judged: &Judged) -> bool {
-    match &group.cause {
-        Some(Cause::Group(id)) => judged.findings.group(*id).is_some_and(Group::counts),
-        _ => false,
-    }
+/// What lines begin with.
+const INDENT: &str = "         ";
+
+const RED: &str = "\x1b[31m";
+const YELLOW: &str = "\x1b[33m";
+const GREEN: &str = "\x1b[32m";
+const BOLD: &str = "\x1b[1m";
+const DIM: &str = "\x1b[2m";
+
+/// Text as it is built.
+struct Page<'a> {
+    out: &'a mut String,
+    options: TextOptions,
 }
 
-/// Findings within each other that are shown.
-const DEEPEST: usize = 4;
+/// Writes everything.
+pub fn write(report: &Report, options: TextOptions, out: &mut String) {
+    let mut page = Page { out, options };
+    for judged in &report.captures {
+        page.capture(judged);
+    }
+    page.suppressions(report);
+    if options.coverage {
+        coverage::write(report, page.out);
+    }
+    page.summary(report);
+}
 
-fn write_group(group: &Group, judged: &Judged, depth: usize, out: &mut String) {
-    let indent = "  ".repeat(depth);
-    let who = who(group);
-    let about = group.key.about.to_string();
-    let about =
-        if about.is_empty() || group.text.contains(&about) { String::new() } else { format!("{about}: ") };
-    let _ = writeln!(
-        out,
-        "{indent}{:8} {}{}{}{} [{}]",
-        group.severity.name(),
-        escape(&who),
-        if who.is_empty() { "" } else { "  " },
-        escape(&about),
-        escape(&group.text),
-        group.rule
-    );
-    let _ = writeln!(out, "{indent}         {}", when(group, judged.first));
-    if let Some((_, text, at)) = &group.worst {
-        let _ = writeln!(out, "{indent}         worst {}: {}", moment(*at, judged.first), escape(text));
+impl Page<'_> {
+    fn line(&mut self, color: &str, text: &str) {
+        let text = escape(text);
+        let _ = if self.options.color && !color.is_empty() {
+            writeln!(self.out, "{color}{text}\x1b[0m")
+        } else {
+            writeln!(self.out, "{text}")
+        };
     }
-    if let Some(reason) = &group.downgraded {
-        let _ = writeln!(out, "{indent}         less severe: {}", escape(reason));
+
+    /// A label in its colour, and what is said.
+    fn labelled(&mut self, depth: usize, (color, label): (&str, &str), text: &str) {
+        let indent = "  ".repeat(depth);
+        let text = escape(text);
+        let _ = if self.options.color {
+            writeln!(self.out, "{indent}{color}{label:8}\x1b[0m {text}")
+        } else {
+            writeln!(self.out, "{indent}{label:8} {text}")
+        };
     }
-    if depth < DEEPEST {
-        for effect in judged.findings.effects(group.id).filter(|effect| effect.counts()) {
-            write_group(effect, judged, depth + 1, out);
+
+    fn below(&mut self, depth: usize, text: &str) {
+        let indent = "  ".repeat(depth);
+        let text = escape(text);
+        let _ = writeln!(self.out, "{indent}{INDENT}{text}");
+    }
+
+    /// One capture; nothing of one that there is nothing to say of.
+    fn capture(&mut self, judged: &Judged) {
+        let start = self.out.len();
+        let duration = judged.first.zip(judged.last).map(|(first, last)| seconds(last.since(first)));
+        let duration = duration.map_or_else(String::new, |duration| format!(", {duration}"));
+        let frames = usize::try_from(judged.frames).unwrap_or(usize::MAX);
+        self.line(BOLD, &format!("== {} ({}{duration})", judged.capture, plural(frames, "frame")));
+        let behind_heading = self.out.len();
+        self.quality(judged);
+        self.incidents(judged);
+        conformance::write(judged, self.out);
+        self.baseline(judged);
+        if self.options.verbose {
+            self.set_aside(judged);
+        }
+        if self.out.len() == behind_heading {
+            self.out.truncate(start);
+        } else {
+            self.out.push('\n');
         }
     }
-}
 
-/// `can0 5/05 pump`.
-pub(super) fn who(group: &Group) -> String {
-    let node = group.key.node.map(NodeId::label);
-    let parts = [Some(group.bus.to_string()), node, group.node_name.as_deref().map(str::to_owned)];
-    parts.into_iter().flatten().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" ")
-}
-
-/// `at 1.300 s {12-13}`, `312 times from 1.300 s {12} to 9.100 s {500}`.
-fn when(group: &Group, zero: Option<Timestamp>) -> String {
-    let (began, ended) = (moment(group.began(), zero), moment(group.ended(), zero));
-    if group.count == 1 {
-        return format!("at {began}");
-    }
-    format!("{} times from {began} to {ended}", group.count)
-}
-
-fn moment(at: Occurrence, zero: Option<Timestamp>) -> String {
-    let frames = at.frames;
-    let frames = match (frames.first, frames.last) {
-        (_, 0) => String::new(),
-        (first, last) if first == last => format!("{{{last}}}"),
-        (first, last) => format!("{{{first}-{last}}}"),
-    };
-    match at.time.zip(zero) {
-        Some((time, zero)) => {
-            let milliseconds = time.since(zero) / 1_000_000;
-            format!("{}.{:03} s {frames}", milliseconds / 1_000, (milliseconds % 1_000).abs())
+    fn quality(&mut self, judged: &Judged) {
+        if let Some(failure) = &judged.failure {
+            self.labelled(0, (RED, "unread"), failure);
         }
-        None => frames,
+        for note in &judged.findings.quality {
+            self.labelled(0, (YELLOW, "quality"), note);
+        }
+    }
+
+    fn incidents(&mut self, judged: &Judged) {
+        let incidents = incidents(judged);
+        let absorbed = absorbed(judged);
+        let shown = if self.options.verbose { usize::MAX } else { SHOWN_INCIDENTS };
+        for (depth, group) in incidents.iter().take(shown).flat_map(|incident| &incident.groups) {
+            self.group(*depth, group, judged, absorbed.get(&group.id).copied().unwrap_or(0));
+        }
+        let rest: usize = incidents.iter().skip(shown).map(|incident| incident.groups.len()).sum();
+        if rest > 0 {
+            self.line("", &format!("{INDENT}and {} more: --verbose tells all", plural(rest, "finding")));
+        }
+        let ungrouped = judged.findings.ungrouped;
+        if ungrouped > 0 {
+            self.line("", &format!("{INDENT}{ungrouped} further times something was wrong found no room"));
+        }
+    }
+
+    fn group(&mut self, depth: usize, group: &Group, judged: &Judged, absorbed: usize) {
+        let who = who(group);
+        let gap = if who.is_empty() { "" } else { "  " };
+        let text = format!("{who}{gap}{} [{}]", what(group), group.rule);
+        self.labelled(depth, label(group.severity), &text);
+        for note in notes(group, judged) {
+            self.below(depth, &note);
+        }
+        if absorbed > 0 {
+            self.below(depth, &format!("{} of other rules say the same", plural(absorbed, "finding")));
+        }
+        if self.options.verbose {
+            self.occurrences(depth, group, judged);
+        }
+    }
+
+    fn occurrences(&mut self, depth: usize, group: &Group, judged: &Judged) {
+        let kept = group.first.iter().chain(&group.last);
+        let kept: Vec<_> = kept.map(|at| moment(*at, judged.first)).collect();
+        if kept.len() > 2 {
+            self.below(depth, &format!("seen {}", kept.join(", ")));
+        }
+    }
+
+    fn baseline(&mut self, judged: &Judged) {
+        for rule in &judged.comparison.silent {
+            let text = format!("{rule} is not exercised any more: the baseline has it exercised");
+            self.labelled(0, (RED, "silent"), &text);
+        }
+        for known in &judged.comparison.gone {
+            let text = format!("{} {}: {}", known.severity, known.fingerprint, known.text);
+            self.labelled(0, (GREEN, "gone"), &text);
+        }
+    }
+
+    /// What does not count, and why.
+    fn set_aside(&mut self, judged: &Judged) {
+        for group in &judged.findings.groups {
+            let reason = match judged.standing(group) {
+                Standing::New | Standing::Absorbed => continue,
+                Standing::Accepted => "the baseline has it",
+                Standing::Suppressed => group.suppressed.as_deref().unwrap_or_default(),
+            };
+            let label = judged.standing(group).name();
+            let text = format!("{}  {} [{}]", who(group), what(group), group.rule);
+            let _ = writeln!(self.out, "{label:10} {}", escape(&text));
+            let _ = writeln!(self.out, "           {}; {}", when(group, judged.first), escape(reason));
+        }
+    }
+
+    fn suppressions(&mut self, report: &Report) {
+        let all = report.suppressions();
+        for said in all.iter().filter_map(SuppressionUse::complaint) {
+            self.labelled(0, label(Severity::Note), &said);
+        }
+        for one in all.iter().filter(|one| one.met > 0) {
+            if self.options.verbose || self.options.coverage {
+                let met = plural(one.met, "finding");
+                self.line(DIM, &format!("suppressed {met} by {}: {}", one.what, one.reason));
+            }
+        }
+        for capture in &report.absent {
+            self.labelled(0, label(Severity::Note), &format!("{capture} of the baseline was not judged"));
+        }
+    }
+
+    fn summary(&mut self, report: &Report) {
+        let has_accepted = report.has_baseline;
+        let mut columns =
+            vec![("CAPTURE", Align::Left), ("ERRORS", Align::Right), ("WARNINGS", Align::Right)];
+        columns.push(("NOTES", Align::Right));
+        if has_accepted {
+            columns.push(("ACCEPTED", Align::Right));
+            columns.push(("GONE", Align::Right));
+        }
+        columns.extend([("PASSED", Align::Right), ("NOT EXERCISED", Align::Right), ("VERDICT", Align::Left)]);
+        let mut table = Table::new(&columns);
+        for judged in &report.captures {
+            let number = |severity| judged.number(severity).to_string();
+            let mut row = vec![judged.capture.clone(), number(Severity::Error), number(Severity::Warning)];
+            row.push(number(Severity::Note));
+            if has_accepted {
+                row.push(judged.number_of(Standing::Accepted).to_string());
+                row.push(judged.comparison.gone.len().to_string());
+            }
+            row.push(judged.verdicts(Verdict::Pass).to_string());
+            row.push(judged.verdicts(Verdict::NotExercised).to_string());
+            row.push(verdict(judged.outcome(report.least)).to_owned());
+            table.row(row);
+        }
+        table.write(0, self.out);
+        for rule in &report.missing {
+            self.labelled(0, (RED, "missing"), &format!("{rule} had to be exercised, and was in no capture"));
+        }
+        self.line(if report.fails() { RED } else { GREEN }, &total(report));
     }
 }
 
-/// A conformance test that was run: what the tool said, and where ours differs and why.
-fn write_conformance(judged: &Judged, out: &mut String) {
-    let cases = &judged.findings.conformance;
-    if cases.is_empty() {
-        return;
-    }
-    let tool = |wanted| cases.iter().filter(|case| case.tool == wanted).count();
-    let ours = |wanted| cases.iter().filter(|case| case.ours() == wanted).count();
-    let _ = writeln!(
-        out,
-        "conformance test: {} cases; the tool: {} passed, {} warnings, {} failed, {} skipped; here: {} passed, {} failed, \
-         {} not exercised",
-        cases.len(),
-        tool(TestResult::Passed),
-        tool(TestResult::Warning),
-        tool(TestResult::Failed),
-        tool(TestResult::Skipped),
-        ours(Verdict::Pass),
-        ours(Verdict::Fail),
-        ours(Verdict::NotExercised)
+/// `3 captures: 1 failed; 2 errors, 1 warning, 0 notes`.
+pub(super) fn total(report: &Report) -> String {
+    let of = |wanted| report.captures.iter().filter(|one| one.outcome(report.least) == wanted).count();
+    let number = |severity| report.captures.iter().map(|judged| judged.number(severity)).sum::<usize>();
+    let mut text = format!(
+        "{}: {} failed, {} unreadable; {}, {}, {}",
+        plural(report.captures.len(), "capture"),
+        of(Outcome::Failed),
+        of(Outcome::Unreadable),
+        plural(number(Severity::Error), "error"),
+        plural(number(Severity::Warning), "warning"),
+        plural(number(Severity::Note), "note"),
     );
-    for case in cases.iter().filter(|case| case.disagrees()) {
-        let _ = writeln!(out, "  {}", conformance_line(case));
+    for standing in [Standing::Accepted, Standing::Suppressed] {
+        let count: usize = report.captures.iter().map(|judged| judged.number_of(standing)).sum();
+        if count > 0 {
+            let _ = write!(text, ", {count} {}", standing.name());
+        }
+    }
+    text
+}
+
+const fn verdict(outcome: Outcome) -> &'static str {
+    match outcome {
+        Outcome::Passed => "passed",
+        Outcome::Failed => "FAILED",
+        Outcome::Unreadable => "UNREADABLE",
     }
 }
 
-/// `3.7 failed by the tool, pass here (pdo-sync-acyclic 1 passed): an acyclic TPDO after SYNC {851-860}`.
-fn conformance_line(case: &CaseVerdict) -> String {
-    let judged = case.judged.iter().filter(|(_, tally)| tally.verdict() != Verdict::NotExercised);
-    let judged: Vec<_> = judged
-        .map(|(rule, tally)| match tally.failed {
-            0 => format!("{rule} {} passed", tally.passed),
-            failed => format!("{rule} {} passed, {failed} failed", tally.passed),
-        })
-        .collect();
-    let why = if judged.is_empty() { String::new() } else { format!(" ({})", judged.join("; ")) };
-    let FrameRange { first, last } = case.frames;
-    format!(
-        "{:6} {}: {} by the tool, {} here{why} {{{first}-{last}}}{}",
-        case.id,
-        case.name,
-        case.tool.name(),
-        case.ours().name(),
-        if case.has_begin { "" } else { ", its beginning was not marked" }
-    )
-}
-
-fn write_summary(judged: &Judged, out: &mut String) {
-    let findings = &judged.findings;
-    let count = |severity| findings.number(severity);
-    let suppressed = findings.groups.iter().filter(|group| group.suppressed.is_some()).count();
-    let verdicts = |wanted| {
-        let on = findings.tallies.iter().zip(&findings.rules).filter(|(_, rule)| rule.is_on);
-        on.filter(|(tally, _)| tally.verdict() == wanted).count()
-    };
-    let _ = write!(
-        out,
-        "{} errors, {} warnings, {} notes",
-        count(Severity::Error),
-        count(Severity::Warning),
-        count(Severity::Note)
-    );
-    if suppressed > 0 {
-        let _ = write!(out, ", {suppressed} suppressed");
+const fn label(severity: Severity) -> (&'static str, &'static str) {
+    match severity {
+        Severity::Error => (RED, "error"),
+        Severity::Warning => (YELLOW, "warning"),
+        Severity::Note => (DIM, "note"),
     }
-    let _ = writeln!(
-        out,
-        "; {} frames, rules: {} passed, {} failed, {} not exercised",
-        judged.frames,
-        verdicts(Verdict::Pass),
-        verdicts(Verdict::Fail),
-        verdicts(Verdict::NotExercised)
-    );
 }

@@ -1,6 +1,6 @@
 //! JSON Lines: one object an event, keys as `docs/events.schema.json` describes them.
 
-mod object;
+pub(super) mod object;
 mod prepared;
 
 use std::io::{self, Write};

@@ -7,7 +7,7 @@ use crate::sink::ascii::{push_code, push_decimal, push_hex, push_integer, push_s
 
 /// Where the parts of a line begin that differ from event to event of the same kind.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Marks {
+pub(in crate::sink) struct Marks {
     /// Behind the time.
     pub(super) behind_time: usize,
     /// The first frame's number.
@@ -19,7 +19,7 @@ pub(super) struct Marks {
 }
 
 /// One JSON object being written.
-pub(super) struct Object<'a> {
+pub(in crate::sink) struct Object<'a> {
     line: &'a mut Vec<u8>,
     fresh: bool,
     /// Lists and objects that are open within this one.
@@ -29,7 +29,7 @@ pub(super) struct Object<'a> {
 
 impl<'a> Object<'a> {
     /// An object at the end of `line`.
-    pub(super) fn begin(line: &'a mut Vec<u8>) -> Self {
+    pub(in crate::sink) fn begin(line: &'a mut Vec<u8>) -> Self {
         line.push(b'{');
         Self { line, fresh: true, depth: 0, marks: Marks::default() }
     }
@@ -40,7 +40,7 @@ impl<'a> Object<'a> {
     }
 
     /// Ends object and line.
-    pub(super) fn end(self) -> Marks {
+    pub(in crate::sink) fn end(self) -> Marks {
         self.line.extend_from_slice(b"}\n");
         self.marks
     }

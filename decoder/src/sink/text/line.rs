@@ -81,9 +81,6 @@ fn words(event: &Event, bus: &Bus) -> Words {
     }
     let who = event.node.map_or(String::new(), |node| node_label(node, bus));
     let words = |kind, what: String, tone| Words { who: who.clone(), kind, what, tone };
-    if let Some((kind, what, tone)) = finding::words(&event.kind) {
-        return words(kind, what, tone);
-    }
     match &event.kind {
         EventKind::NmtCommand { service, target, from, to } => {
             let to_whom = if *target == 0 { "all".to_owned() } else { node_short((*target).into(), bus) };
@@ -129,7 +126,7 @@ fn words(event: &Event, bus: &Bus) -> Words {
             words("ID", format!("node-ID {from}{to} in force, set by {by}"), Tone::Caution)
         }
         EventKind::ObjectChange(change) => object_change(change, words),
-        _ => match device::words(event) {
+        _ => match device::words(event).or_else(|| finding::words(&event.kind)) {
             Some((kind, what, tone)) => words(kind, what, tone),
             None => j1939::words(event, bus).unwrap_or_else(|| bus_words(event, words)),
         },

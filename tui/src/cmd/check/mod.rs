@@ -1,116 +1,135 @@
 //! `cobscope check`: captures judged by rules.
 
-use std::io::Write as _;
+mod captures;
+mod judge;
+
+use std::io::{ErrorKind, Write as _};
 use std::path::Path;
 use std::sync::Arc;
 
-use cobscope_decoder::event::Event;
+use anyhow::Context as _;
 use cobscope_decoder::finding::Severity;
-use cobscope_decoder::frame::{Frame, Timestamp};
-use cobscope_decoder::rules::{Engine, Setup};
-use cobscope_decoder::session::{Bus, Observer, SessionOptions};
-use cobscope_decoder::sink::findings::{Judged, text};
+use cobscope_decoder::rules::Setup;
+use cobscope_decoder::session::SessionOptions;
+use cobscope_decoder::sink::escape;
+use cobscope_decoder::sink::findings::baseline::Baseline;
+use cobscope_decoder::sink::findings::text::{self, TextOptions};
+use cobscope_decoder::sink::findings::{Report, github, jsonl, junit, sarif};
 
-use super::input::{captures, session_options, setup};
-use super::{Watcher, complain, decode_capture};
-use crate::cli::{CheckArgs, FailOn, InputArgs};
+use super::input::{catalogue, common_catalogue, options_of, setup};
+use super::{complain, is_colored, output};
+use crate::cli::{CheckArgs, FailOn, FindingFormat};
 use crate::exit_code::Exit;
 
 /// Runs the command.
 pub fn run(arguments: &CheckArgs) -> Exit {
-    let today = jiff::Zoned::now().date().to_string();
-    let ready = session_options(&arguments.input)
-        .and_then(|options| Ok((options, setup(&arguments.input, Some(today))?)));
-    let (options, setup) = match ready {
-        Ok((options, setup)) => (options, Arc::new(setup)),
-        Err(error) => {
+    match checked(arguments) {
+        Ok(exit) => exit,
+        Err((exit, error)) => {
             complain(&error);
-            return Exit::Profile;
+            exit
         }
+    }
+}
+
+/// An error with the exit status it brings.
+type Refusal = (Exit, anyhow::Error);
+
+fn checked(arguments: &CheckArgs) -> Result<Exit, Refusal> {
+    let (options, setup) = ready(arguments).map_err(|error| (Exit::Profile, error))?;
+    for rule in &arguments.require_exercised {
+        let known = setup.check_name(rule).map_err(anyhow::Error::msg);
+        known.context("--require-exercised").map_err(|error| (Exit::Usage, error))?;
+    }
+    let baseline = match &arguments.baseline {
+        Some(path) if !arguments.update_baseline => {
+            Some(read_baseline(path).map_err(|error| (Exit::Profile, error))?)
+        }
+        _ => None,
     };
+    // A file that cannot be written is said before hours of work.
+    let mut output = output(arguments.output.as_deref()).map_err(|error| (Exit::Usage, error))?;
+
+    let captures = captures::captures(&arguments.input.captures);
+    let judged = judge::judge_all(&captures, arguments, &options, &setup);
     let mut exit = Exit::Clean;
-    let mut output = String::new();
-    for path in captures(&arguments.input) {
-        match judge(&path, &arguments.input, &options, &setup) {
-            Ok(judged) => {
-                text::write(&judged, &mut output);
-                if fails(&judged, arguments.fail_on) {
-                    exit = exit.max(Exit::Findings);
-                }
-                if judged.failure.is_some() {
-                    exit = exit.max(Exit::Capture);
-                }
-            }
-            Err(error) => {
-                complain(&error);
-                exit = exit.max(Exit::Capture);
-            }
-        }
+    let mut said: Vec<String> = judged.iter().flat_map(|one| one.said.clone()).collect();
+    let found: Vec<_> = captures.iter().zip(&judged).filter(|(_, one)| one.judged.is_some()).collect();
+    let found: Vec<_> = found.into_iter().map(|(source, _)| source).collect();
+    let empty = captures::without_captures(&arguments.input.captures, &found);
+    if !empty.is_empty() || judged.iter().any(|one| one.has_failed) {
+        exit = exit.max(Exit::Capture);
     }
-    // A closed pipe is no failure.
-    let _ = std::io::stdout().write_all(output.as_bytes());
-    exit
-}
-
-fn fails(judged: &Judged, fail_on: FailOn) -> bool {
-    let least = match fail_on {
-        FailOn::Error => Severity::Error,
-        FailOn::Warning => Severity::Warning,
-        FailOn::Never => return false,
+    said.extend(empty.iter().map(|folder| format!("{}: holds no capture", folder.display())));
+    for said in said {
+        let _ = writeln!(std::io::stderr(), "cobscope: {said}");
+    }
+    let least = match arguments.fail_on {
+        FailOn::Error => Some(Severity::Error),
+        FailOn::Warning => Some(Severity::Warning),
+        FailOn::Never => None,
     };
-    judged.findings.counting().any(|group| group.severity >= least)
-}
-
-/// Judges one capture.
-fn judge(
-    path: &Path,
-    input: &InputArgs,
-    options: &SessionOptions,
-    setup: &Arc<Setup>,
-) -> anyhow::Result<Judged> {
-    let mut watch = Watch { engine: Engine::new(Arc::clone(setup)), first: None, last: None };
-    let decoded = decode_capture(path, input, options, &mut watch)?;
-    if let Some(failure) = &decoded.failure {
-        complain(failure);
+    let captures = judged.into_iter().filter_map(|one| one.judged).collect();
+    let mut report = Report { captures, least, ..Report::default() };
+    report.require(&arguments.require_exercised);
+    match (baseline, &arguments.baseline) {
+        (Some(baseline), _) => baseline.compare(&mut report),
+        (None, Some(path)) => {
+            write_baseline(path, &mut report).map_err(|error| (Exit::Usage, error))?;
+        }
+        (None, None) => {}
     }
-    let Watch { engine, first, last } = watch;
-    let findings = engine.finish(decoded.decoder.buses(), &mut |_: &Event, _: &Bus| {});
-    Ok(Judged {
-        capture: path.display().to_string(),
-        frames: decoded.decoder.frames(),
-        first,
-        last,
-        findings,
-        failure: decoded.failure.map(|failure| format!("{failure:#}")),
-    })
-}
-
-/// Feeds the engine.
-struct Watch {
-    engine: Engine,
-    first: Option<Timestamp>,
-    last: Option<Timestamp>,
-}
-
-impl Observer for Watch {
-    fn event(&mut self, event: &Event, bus: &Bus) {
-        self.engine.event(event, bus, &mut |_: &Event, _: &Bus| {});
+    if report.fails() {
+        exit = exit.max(Exit::Findings);
+    }
+    let text = written(&report, arguments);
+    match output.write_all(text.as_bytes()).and_then(|()| output.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            complain(&anyhow::Error::from(error).context("writing failed"));
+            Ok(exit.max(Exit::Capture))
+        }
+        _ => Ok(exit),
     }
 }
 
-impl Watcher for Watch {
-    fn begin(&mut self, first: &Frame) -> anyhow::Result<()> {
-        self.first = first.time;
-        Ok(())
-    }
+/// What the options say of buses and rules.
+fn ready(arguments: &CheckArgs) -> anyhow::Result<(SessionOptions, Arc<Setup>)> {
+    let folders = &arguments.input.profiles;
+    let catalogue = if arguments.user_profiles { catalogue(folders) } else { common_catalogue(folders) };
+    let options = options_of(&arguments.input, catalogue)?;
+    let today = arguments.today.unwrap_or_else(|| jiff::Zoned::now().date());
+    let setup = setup(&arguments.input, Some(today.to_string()))?;
+    Ok((options, Arc::new(setup)))
+}
 
-    fn wants_frames(&self) -> bool {
-        true
+fn written(report: &Report, arguments: &CheckArgs) -> String {
+    let mut text = String::new();
+    match arguments.format {
+        FindingFormat::Text => {
+            let color = is_colored(arguments.color, arguments.output.is_some());
+            let options = TextOptions { color, verbose: arguments.verbose, coverage: arguments.coverage };
+            text::write(report, options, &mut text);
+        }
+        FindingFormat::Jsonl => jsonl::write(report, &mut text),
+        FindingFormat::Junit => junit::write(report, &mut text),
+        FindingFormat::Sarif => sarif::write(report, &mut text),
+        FindingFormat::Github => github::write(report, &mut text),
     }
+    text
+}
 
-    fn frame(&mut self, frame: &Frame) -> bool {
-        self.last = frame.time;
-        self.engine.frame(frame);
-        true
-    }
+fn read_baseline(path: &Path) -> anyhow::Result<Baseline> {
+    let name = path.display();
+    let text = std::fs::read_to_string(path)
+        .with_context(|| format!("{name}: cannot be read (--update-baseline writes it)"))?;
+    Baseline::parse(&text).map_err(|error| anyhow::anyhow!("{name}: is no baseline: {}", escape(&error)))
+}
+
+/// Writes what was found, which is accepted from now on.
+fn write_baseline(path: &Path, report: &mut Report) -> anyhow::Result<()> {
+    let baseline = Baseline::of(report);
+    std::fs::write(path, baseline.text())
+        .with_context(|| format!("{}: cannot be written", path.display()))?;
+    baseline.compare(report);
+    Ok(())
 }

@@ -16,6 +16,7 @@ use cobscope_decoder::profile::{self, Device, ProfileError};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::canopen::ObjectAddress;
 
+use super::rules;
 use crate::exit_code::Exit;
 use asked::Asked;
 
@@ -23,7 +24,7 @@ use asked::Asked;
 const LAST_IDENTIFIER: u32 = 0x1FFF_FFFF;
 
 /// The forms that are understood, for who gave another one.
-const FORMS: &str = "expected an SDO abort code (06020000), an EMCY code (8130), an object (1018:01, 1018sub1, \
+const FORMS: &str = "expected a rule (node-lost; cobscope rules lists them), an SDO abort code (06020000), an EMCY code (8130), an object (1018:01, 1018sub1, \
                      1018h:01h), a COB-ID (185), a 29-bit identifier (18FECA80), a group (pgn:65226), a J1939 fault \
                      (298985/19: SPN/FMI), a UDS response code (nrc:31) or identifier (did:F190), or a frame (701#05)";
 
@@ -34,8 +35,13 @@ pub fn run(thing: &str, device: Option<&str>, profiles: &[PathBuf]) -> Exit {
         Ok(device) => device,
         Err(error) => return refuse(&error),
     };
-    let asked = Asked { catalogue, device };
     let thing = thing.trim();
+    if let Some(rule) = rules::find(&catalogue, thing) {
+        // A closed pipe is no failure.
+        let _ = std::io::stdout().write_all(rules::page(&rule).as_bytes());
+        return Exit::Clean;
+    }
+    let asked = Asked { catalogue, device };
     let readings = if thing.contains('#') {
         frame::frame(thing, &asked).into_iter().collect()
     } else {

@@ -24,6 +24,8 @@ pub(super) struct Blocks {
     /// The last acknowledged segment: how many of its bytes count, the end message says.
     tail: [u8; SEGMENT],
     tail_length: u8,
+    /// Segments of a block by the receiver's last word.
+    pub(super) size: Option<u8>,
     /// The segment that ends the data was acknowledged.
     pub(super) is_complete: bool,
     /// Segments were acknowledged that were not seen.

@@ -1,10 +1,13 @@
 //! One SDO channel: a pair of identifiers, and the one transfer that can be open on it.
 
 use super::transfer::{Stage, Transfer};
-use crate::event::{Abort, Direction, Mode, Outcome};
+use crate::event::{Abort, Direction, Mode, Outcome, SdoIrregularityKind};
 use crate::frame::{CanId, Frame};
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::{Payload, Sdo, Side};
+
+/// Abort code: toggle bit not alternated (CiA 301 §7.2.4.3.17).
+const TOGGLE_NOT_ALTERNATED: u32 = 0x0503_0000;
 
 /// A pair of identifiers between one client and one server.
 #[derive(Debug, Clone)]
@@ -118,6 +121,11 @@ impl Channel {
             self.transfer.take().unwrap_or_else(|| Box::new(Transfer::new(index, Some(object), frame)));
         transfer.add_frame(frame);
         transfer.object.get_or_insert(object);
+        if code == TOGGLE_NOT_ALTERNATED {
+            // What looked like the same segment again was none, for the other side at least.
+            let other = if side == Side::Client { Side::Server } else { Side::Client };
+            transfer.irregular(SdoIrregularityKind::Toggle, other, frame.number);
+        }
         transfer.end(Outcome::Aborted);
         transfer.abort = Some(Abort { code, by_client: side == Side::Client });
         transfer
@@ -179,16 +187,19 @@ impl Channel {
                 transfer.announced = size;
                 transfer.blocks_mut().client_offers(crc);
             }
-            Sdo::InitiateBlockUpload { object, crc, .. } => {
+            Sdo::InitiateBlockUpload { object, crc, block_size, .. } => {
                 let transfer = self.begin(index, object, Direction::Upload, frame);
                 transfer.mode = Some(Mode::Block);
                 transfer.blocks_mut().client_offers(crc);
+                transfer.block_size(block_size, Side::Client, frame.number);
             }
             Sdo::DownloadSegment(segment) => {
-                self.open_or_cut(index, Direction::Download, Mode::Segmented, frame).take_segment(&segment);
+                self.open_or_cut(index, Direction::Download, Mode::Segmented, frame)
+                    .take_client_segment(&segment, frame.number);
             }
-            Sdo::RequestUploadSegment { .. } => {
-                self.open_or_cut(index, Direction::Upload, Mode::Segmented, frame);
+            Sdo::RequestUploadSegment { toggle } => {
+                let transfer = self.open_or_cut(index, Direction::Upload, Mode::Segmented, frame);
+                transfer.asks_segment(toggle, frame.number);
             }
             Sdo::EndBlockDownload(end) => {
                 self.open_or_cut(index, Direction::Download, Mode::Block, frame)
@@ -197,14 +208,19 @@ impl Channel {
             Sdo::StartBlockUpload => {
                 self.open_or_cut(index, Direction::Upload, Mode::Block, frame).stage = Stage::BlockSegments;
             }
-            Sdo::BlockUploadAcknowledged { sequence, .. } => {
-                self.open_or_cut(index, Direction::Upload, Mode::Block, frame).acknowledge(sequence);
+            Sdo::BlockUploadAcknowledged { sequence, block_size } => {
+                let transfer = self.open_or_cut(index, Direction::Upload, Mode::Block, frame);
+                transfer.sequence(sequence, Side::Client, frame.number);
+                transfer.acknowledge(sequence);
+                transfer.block_size(block_size, Side::Client, frame.number);
             }
             Sdo::BlockUploadEnded => {
                 self.open_or_cut(index, Direction::Upload, Mode::Block, frame);
                 return true;
             }
-            Sdo::BlockSegment { sequence, last, data } => self.segment(sequence, last, data),
+            Sdo::BlockSegment { sequence, last, data } => {
+                self.segment(sequence, last, data, Side::Client, frame);
+            }
             _ => {}
         }
         false
@@ -222,8 +238,9 @@ impl Channel {
         self.transfer.insert(Box::new(transfer))
     }
 
-    fn segment(&mut self, sequence: u8, last: bool, data: &[u8]) {
+    fn segment(&mut self, sequence: u8, last: bool, data: &[u8], side: Side, frame: &Frame) {
         if let Some(transfer) = &mut self.transfer {
+            transfer.sequence(sequence, side, frame.number);
             transfer.blocks_mut().segment(sequence, last, data);
         }
     }
@@ -266,22 +283,29 @@ impl Channel {
             Sdo::UploadInitiated { object, payload } => {
                 return self.upload_initiated(index, object, payload, frame);
             }
-            Sdo::DownloadSegmentAccepted { .. } => {
-                return self.open_or_cut(index, Direction::Download, Mode::Segmented, frame).last_seen;
+            Sdo::DownloadSegmentAccepted { toggle } => {
+                let transfer = self.open_or_cut(index, Direction::Download, Mode::Segmented, frame);
+                transfer.answers_segment(toggle, frame.number);
+                return transfer.last_seen;
             }
             Sdo::UploadSegment(segment) => {
                 let transfer = self.open_or_cut(index, Direction::Upload, Mode::Segmented, frame);
+                transfer.answers_segment(segment.toggle, frame.number);
                 transfer.take_segment(&segment);
                 return transfer.last_seen;
             }
-            Sdo::BlockDownloadInitiated { object, crc, .. } => {
+            Sdo::BlockDownloadInitiated { object, crc, block_size } => {
                 let transfer = self.open_or_cut(index, Direction::Download, Mode::Block, frame);
                 transfer.object.get_or_insert(object);
                 transfer.stage = Stage::BlockSegments;
                 transfer.blocks_mut().server_offers(crc);
+                transfer.block_size(block_size, Side::Server, frame.number);
             }
-            Sdo::BlockDownloadAcknowledged { sequence, .. } => {
-                self.open_or_cut(index, Direction::Download, Mode::Block, frame).acknowledge(sequence);
+            Sdo::BlockDownloadAcknowledged { sequence, block_size } => {
+                let transfer = self.open_or_cut(index, Direction::Download, Mode::Block, frame);
+                transfer.sequence(sequence, Side::Server, frame.number);
+                transfer.acknowledge(sequence);
+                transfer.block_size(block_size, Side::Server, frame.number);
             }
             Sdo::BlockDownloadEnded => {
                 self.open_or_cut(index, Direction::Download, Mode::Block, frame);
@@ -298,7 +322,9 @@ impl Channel {
                 self.open_or_cut(index, Direction::Upload, Mode::Block, frame)
                     .end_blocks(end.unused, end.crc);
             }
-            Sdo::BlockSegment { sequence, last, data } => self.segment(sequence, last, data),
+            Sdo::BlockSegment { sequence, last, data } => {
+                self.segment(sequence, last, data, Side::Server, frame);
+            }
             _ => {}
         }
         false

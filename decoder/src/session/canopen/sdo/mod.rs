@@ -179,6 +179,7 @@ impl Bus {
             outcome: transfer.outcome,
             abort: transfer.abort,
             crc: transfer.crc(),
+            irregularity: transfer.irregularity,
             cut_start: transfer.cut_start,
             cut_end: transfer.outcome == Outcome::Unfinished,
             frame_count: transfer.frame_count,

@@ -1,7 +1,7 @@
 //! One SDO transfer: what was asked, what came, what comes next.
 
 use super::block::Blocks;
-use crate::event::{Abort, Crc, Direction, FrameRange, Mode, Outcome};
+use crate::event::{Abort, Crc, Direction, FrameRange, Mode, Outcome, SdoIrregularity, SdoIrregularityKind};
 use crate::frame::Frame;
 use crate::session::TRANSFER_DATA_LIMIT;
 use crate::wire::canopen::ObjectAddress;
@@ -45,6 +45,10 @@ pub(super) struct Transfer {
     pub(super) data_given_up: bool,
     /// Toggle bit the next segment should have.
     toggle: bool,
+    /// Toggle bit of the last segment sent or asked for by the client.
+    asked: Option<bool>,
+    /// The first thing in it that is against the protocol.
+    pub(super) irregularity: Option<SdoIrregularity>,
     /// The last segment was seen.
     pub(super) last_seen: bool,
     pub(super) blocks: Option<Box<Blocks>>,
@@ -76,6 +80,8 @@ impl Transfer {
             truncated: false,
             data_given_up: false,
             toggle: false,
+            asked: None,
+            irregularity: None,
             last_seen: false,
             blocks: None,
             outcome: Outcome::Unfinished,
@@ -142,6 +148,54 @@ impl Transfer {
         self.toggle = !segment.toggle;
         self.keep(segment.data);
         self.last_seen = segment.last;
+    }
+
+    /// Something is against the protocol; the first counts. Nothing is said of a transfer not seen whole.
+    pub(super) fn irregular(&mut self, what: SdoIrregularityKind, side: Side, frame: u64) {
+        if !self.cut_start {
+            let by_client = side == Side::Client;
+            self.irregularity.get_or_insert(SdoIrregularity { what, by_client, frame });
+        }
+    }
+
+    /// The client asks for a segment or sends one. A toggle bit that was there before may be the same again, so
+    /// only the first one is judged.
+    pub(super) fn asks_segment(&mut self, toggle: bool, frame: u64) {
+        if toggle && self.asked.is_none() {
+            self.irregular(SdoIrregularityKind::Toggle, Side::Client, frame);
+        }
+        self.asked = Some(toggle);
+    }
+
+    /// Takes a segment of a download.
+    pub(super) fn take_client_segment(&mut self, segment: &Segment<'_>, frame: u64) {
+        self.asks_segment(segment.toggle, frame);
+        self.take_segment(segment);
+    }
+
+    /// The server answers that, with the same toggle bit.
+    pub(super) fn answers_segment(&mut self, toggle: bool, frame: u64) {
+        if self.asked.take().is_some_and(|asked| asked != toggle) {
+            self.irregular(SdoIrregularityKind::Toggle, Side::Server, frame);
+        }
+        self.asked.get_or_insert(toggle);
+    }
+
+    /// A side says how many segments a block has.
+    pub(super) fn block_size(&mut self, segments: u8, side: Side, frame: u64) {
+        let is_valid = matches!(segments, 1..=127);
+        if !is_valid && !self.blocks.as_ref().is_some_and(|blocks| blocks.is_complete) {
+            self.irregular(SdoIrregularityKind::BlockSize, side, frame);
+        }
+        self.blocks_mut().size = is_valid.then_some(segments);
+    }
+
+    /// A side sends a segment, or acknowledges those up to it: of more than a block has there are none.
+    pub(super) fn sequence(&mut self, sequence: u8, side: Side, frame: u64) {
+        let most = self.blocks.as_ref().and_then(|blocks| blocks.size).unwrap_or(127);
+        if sequence > most {
+            self.irregular(SdoIrregularityKind::Sequence, side, frame);
+        }
     }
 
     /// The blocks, begun if they were not.

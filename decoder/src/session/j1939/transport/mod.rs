@@ -345,6 +345,7 @@ impl Bus {
             size: session.received.size(),
             missing: session.missing(),
             repeated: session.received.repeated(),
+            spacing: session.spacing,
             data,
             truncated: !has_all,
             layout: layout.filter(|_| has_all),

@@ -117,6 +117,8 @@ pub(super) struct Session {
     pub(super) frames: FrameRange,
     pub(super) frame_count: u64,
     times: (Option<i64>, Option<i64>),
+    /// Of a broadcast, shortest and longest time between frames that follow each other.
+    pub(super) spacing: Option<(i64, i64)>,
     /// The time-out that ends it, and since when it runs in monotonic nanoseconds.
     pub(super) timer: Timer,
     since: i64,
@@ -163,6 +165,7 @@ impl Session {
             frames: FrameRange::one(frame.number),
             frame_count: 1,
             times: (time, time),
+            spacing: None,
             timer: Timer::T1,
             since: now,
             late: None,
@@ -268,11 +271,23 @@ impl Session {
         self.add_frame(frame);
         odd = odd.or_else(|| self.oddity(number));
         let was_asked = number >= self.due;
+        if self.mode == TransportMode::Broadcast && number == self.due && frame.time.is_some() {
+            self.took_its_time(now.saturating_sub(self.since));
+        }
         self.received.take(number, bytes, self.announced, was_asked);
         self.due = self.due.max(number.saturating_add(1));
         self.after_packet(number, now);
         let is_last = self.mode == TransportMode::Broadcast && self.packets == Some(number);
         Step { late: None, odd, end: is_last.then_some(Ending::Last) }
+    }
+
+    /// A packet of a broadcast came in order, so long behind the frame before.
+    fn took_its_time(&mut self, gap: i64) {
+        // Of one without start nobody knows what came before its first packet.
+        if !(self.cut_start && self.received.distinct() == 0) {
+            let (shortest, longest) = self.spacing.unwrap_or((gap, gap));
+            self.spacing = Some((shortest.min(gap), longest.max(gap)));
+        }
     }
 
     /// What is irregular about a packet, if anything.

@@ -6,6 +6,7 @@ use foldhash::fast::FixedState;
 
 use super::session::Session;
 use crate::session::{OPEN_DATA_LIMIT, TRANSPORT_LIMIT};
+use crate::wire::j1939::Pgn;
 
 /// What one transfer at a time can have: its sender, its destination (255 for a broadcast), and the protocol.
 /// J1939-21 §5.10.3 allows one connection in a direction, and one broadcast of a sender.
@@ -51,6 +52,12 @@ impl Transports {
 
     pub(super) fn get(&self, place: u16) -> Option<&Session> {
         self.places.get(usize::from(place))?.open.as_ref().map(|(_, session)| &**session)
+    }
+
+    /// Whether a transfer of an address is open that can be about a group.
+    pub(in crate::session) fn has_of(&self, source: u8, pgn: Pgn) -> bool {
+        let mut open = self.places.iter().filter_map(|place| place.open.as_ref());
+        open.any(|(key, session)| key.source == source && session.pgn.is_none_or(|own| own == pgn))
     }
 
     pub(super) fn get_mut(&mut self, place: u16) -> Option<&mut Session> {

@@ -1,0 +1,142 @@
+//! Expectations: whatever a bus file says, it is understood or refused with a place; what is understood judges
+//! captures without harm, and the same whether time passes between frames or not.
+
+use std::sync::Arc;
+
+use cobscope_decoder::bus_file::BusFile;
+use cobscope_decoder::capture::{Batch, BusNames, Item, ReadOptions, Reader};
+use cobscope_decoder::decoder::Decoder;
+use cobscope_decoder::event::Event;
+use cobscope_decoder::finding::{Findings, RuleOrigin};
+use cobscope_decoder::frame::Timestamp;
+use cobscope_decoder::profile::TextError;
+use cobscope_decoder::rules::{Engine, Judge, Setup};
+use cobscope_decoder::session::{Bus, SessionOptions};
+
+/// What is judged: something of every protocol.
+const CAPTURES: [&str; 4] = [
+    include_str!("../../../../fixtures/canopen/mid_run.log"),
+    include_str!("../../../../fixtures/canopen/pdo_mapping.log"),
+    include_str!("../../../../fixtures/rules/expect-every.log"),
+    include_str!("../../../../fixtures/rules/expect-order.log"),
+];
+
+/// A bus file.
+pub fn expectations(data: &[u8]) {
+    let Ok(text) = std::str::from_utf8(data) else { return };
+    let Some((options, setup)) = understood(text) else { return };
+    for capture in CAPTURES {
+        let recorded = verdicts(&judge(capture, &options, &setup, |_| 0));
+        assert!(!recorded.contains('\x1b') || text.contains('\x1b') || text.contains("\\u"), "{recorded}");
+        let live = verdicts(&judge(capture, &options, &setup, |gap| gap / 3));
+        assert!(
+            recorded == live,
+            "with time that passes between frames: {:#?}",
+            differences(&recorded, &live)
+        );
+    }
+}
+
+/// What a bus file says, if it is one.
+fn understood(text: &str) -> Option<(SessionOptions, Arc<Setup>)> {
+    let lines = text.matches('\n').count() + 1;
+    let refused = |error: &TextError| {
+        assert!((1..=lines).contains(&error.line) && error.column > 0, "{error}");
+        assert!(!error.show("f").contains('\x1b') && !error.message.is_empty());
+    };
+    let file = BusFile::parse(text).inspect_err(refused).ok()?;
+    let setup = Setup::new(&file, text, None).inspect_err(refused).ok()?;
+    for rule in setup.rules() {
+        assert!(!rule.title.is_empty() && rule.source.is_some() && rule.word.len() <= 6);
+    }
+    Some((SessionOptions { bus_file: file, ..SessionOptions::default() }, Arc::new(setup)))
+}
+
+/// Judges a capture as a live bus would be: `step` says after how many nanoseconds of a gap between two frames
+/// time is to pass, and how long each time; 0 for none.
+pub fn judge(
+    capture: &str,
+    options: &SessionOptions,
+    setup: &Arc<Setup>,
+    mut step: impl FnMut(i64) -> i64,
+) -> Findings {
+    let mut reader = Reader::open(capture.as_bytes(), &ReadOptions::default()).unwrap();
+    let mut decoder = Decoder::new(options.clone());
+    let mut engine = Engine::new(Arc::clone(setup));
+    let mut batch = Batch::new();
+    let mut last = None;
+    let mut nobody = |_: &Event, _: &Bus| {};
+    while reader.read(&mut batch).unwrap() {
+        for item in batch.items() {
+            if let Item::Frame(frame) = item {
+                if let (Some(Timestamp(last)), Some(Timestamp(next))) = (last, frame.time) {
+                    let step = step(next.saturating_sub(last));
+                    let mut now = last.saturating_add(step);
+                    while step > 0 && now < next {
+                        tick(Timestamp(now), &mut decoder, &mut engine);
+                        now += step;
+                    }
+                }
+                last = frame.time;
+                engine.frame(frame);
+            }
+            push(&item, reader.buses(), &mut decoder, &mut Judge { engine: &mut engine, out: &mut nobody });
+        }
+    }
+    decoder.finish(reader.buses(), &mut Judge { engine: &mut engine, out: &mut nobody });
+    engine.finish(decoder.buses(), &mut nobody)
+}
+
+fn push(item: &Item<'_>, names: &BusNames, decoder: &mut Decoder, judge: &mut Judge<'_>) {
+    match item {
+        Item::Frame(frame) => decoder.push(frame, names, judge),
+        Item::Notice(notice) => decoder.notice(notice, names, judge),
+    }
+}
+
+fn tick(now: Timestamp, decoder: &mut Decoder, engine: &mut Engine) {
+    let mut nobody = |_: &Event, _: &Bus| {};
+    decoder.advance(now, &mut Judge { engine, out: &mut nobody });
+    for bus in decoder.buses() {
+        engine.advance(bus, &mut nobody);
+    }
+}
+
+/// Lines of one and not of the other.
+pub fn differences<'a>(recorded: &'a str, live: &'a str) -> Vec<(&'static str, &'a str)> {
+    let only = |of: &'a str, other: &'a str| {
+        of.lines().filter(move |line| !other.lines().any(|known| known == *line))
+    };
+    let recorded_only = only(recorded, live).map(|line| ("recorded", line));
+    recorded_only.chain(only(live, recorded).map(|line| ("live", line))).collect()
+}
+
+/// All that was judged of expectations, whatever the order it was noticed in, and what rules came to.
+pub fn verdicts(findings: &Findings) -> String {
+    let mut lines: Vec<String> = Vec::new();
+    for group in &findings.groups {
+        assert!(!group.text.is_empty() && !group.text.contains('\n'), "{}", group.text);
+        if findings.rules[usize::from(group.key.rule)].origin == RuleOrigin::Expectation {
+            lines.push(format!(
+                "{} {} {} {:?} {:?} {:?} {:?}",
+                group.fingerprint(),
+                group.severity.name(),
+                group.count,
+                group.text,
+                group.worst,
+                group.first,
+                group.last
+            ));
+        } else {
+            lines.push(format!("{} {}", group.fingerprint(), group.severity.name()));
+        }
+    }
+    lines.sort();
+    for (rule, tally) in findings.rules.iter().zip(&findings.tallies) {
+        match rule.origin {
+            RuleOrigin::Expectation => lines.push(format!("{} {tally:?}", rule.name)),
+            _ => lines.push(format!("{} {}", rule.name, tally.verdict().name())),
+        }
+    }
+    format!("{}\n{}\n{:?}", lines.join("\n"), findings.quality.join("\n"), findings.suppressions)
+}

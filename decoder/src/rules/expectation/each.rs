@@ -1,0 +1,59 @@
+//! `always` and `never`: each event is judged by itself.
+
+use super::Task;
+use super::compile::Asked;
+use crate::event::Event;
+use crate::rules::Context;
+
+pub(super) struct Always {
+    when: Asked,
+    expect: Asked,
+}
+
+pub(super) fn always(when: &Asked, expect: &Asked) -> Always {
+    Always { when: when.clone(), expect: expect.clone() }
+}
+
+impl Task for Always {
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        if !self.when.matches(event, context) {
+            return;
+        }
+        if self.expect.matches(event, context) {
+            return context.pass();
+        }
+        context.fail(event).say(|| format!("{} does not match: {}", event.kind.name(), self.expect));
+    }
+
+    fn idle(&self) -> String {
+        self.when.idle()
+    }
+}
+
+pub(super) struct Never {
+    when: Asked,
+    has_failed: bool,
+}
+
+pub(super) fn never(when: &Asked) -> Never {
+    Never { when: when.clone(), has_failed: false }
+}
+
+impl Task for Never {
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        if self.when.matches(event, context) {
+            self.has_failed = true;
+            context.fail(event).say(|| format!("{} matches: {}", event.kind.name(), self.when));
+        }
+    }
+
+    fn finish(&mut self, known: bool, context: &mut Context<'_>) {
+        if known && !self.has_failed {
+            context.pass();
+        }
+    }
+
+    fn idle(&self) -> String {
+        String::new()
+    }
+}

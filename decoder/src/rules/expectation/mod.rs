@@ -1,0 +1,135 @@
+//! Expectations: the user's own rules, of `[[expect]]` in the bus file.
+//!
+//! ```text
+//! bus_file::Expectation ─compile─▶ Expectation ─make, one a bus─▶ Scoped<Task of its kind> : Rule
+//! ```
+//!
+//! A [`Task`] judges, one file a kind; [`Scoped`] keeps events of other nodes from it, and knows at the end which of
+//! the names it rests on nobody ever used.
+
+mod bounds;
+mod compile;
+mod count;
+mod deadline;
+mod each;
+mod every;
+mod moment;
+mod named;
+mod order;
+mod quoted;
+mod rate;
+mod signal;
+mod subjects;
+mod window;
+mod within;
+mod words;
+
+use std::sync::Arc;
+
+use self::compile::Plan;
+use self::named::Named;
+use super::{Context, Rule};
+use crate::event::{Event, EventKind};
+use crate::finding::RuleInfo;
+use crate::query::KindSet;
+use crate::wire::NodeId;
+
+/// One expectation, ready to be judged.
+#[derive(Debug, Clone)]
+pub struct Expectation {
+    info: RuleInfo,
+    bus: Option<String>,
+    node: Option<NodeId>,
+    is_per_node: bool,
+    kinds: KindSet,
+    plan: Arc<Plan>,
+}
+
+impl Expectation {
+    /// What output says of it.
+    pub fn info(&self) -> &RuleInfo {
+        &self.info
+    }
+
+    /// Kinds of events it looks at.
+    pub fn kinds(&self) -> KindSet {
+        self.kinds
+    }
+
+    /// Whether it is about the bus of this name.
+    pub(super) fn is_about(&self, bus: &str) -> bool {
+        self.bus.as_deref().is_none_or(|own| own == bus)
+    }
+
+    /// One for a bus that has seen nothing.
+    pub(super) fn make(&self) -> Box<dyn Rule> {
+        let apart = self.is_per_node;
+        match &*self.plan {
+            Plan::Always { when, expect } => self.scoped(each::always(when, expect)),
+            Plan::Never { when } => self.scoped(each::never(when)),
+            Plan::Within { when, expect, time } => self.scoped(within::new(when, expect, *time, apart)),
+            Plan::Every { when, period, tolerance } => {
+                self.scoped(every::new(when, *period, *tolerance, apart))
+            }
+            Plan::Count { when, limits, window: None } => self.scoped(count::new(when, *limits, apart)),
+            Plan::Count { when, limits, window: Some(window) } => {
+                self.scoped(window::new(when, *limits, *window, apart))
+            }
+            Plan::Order { steps, time } => self.scoped(order::new(steps, *time, apart)),
+            Plan::Bounds { signal, when, limits } => self.scoped(bounds::new(signal, when.as_ref(), *limits)),
+            Plan::Rate { signal, when, max } => self.scoped(rate::new(signal, when.as_ref(), *max)),
+        }
+    }
+
+    fn scoped<T: Task + 'static>(&self, task: T) -> Box<dyn Rule> {
+        Box::new(Scoped { node: self.node, named: Named::of(&self.plan, self.node), task })
+    }
+}
+
+/// What judges one kind of expectation.
+trait Task {
+    /// An event of its kinds and its node.
+    fn event(&mut self, event: &Event, context: &mut Context<'_>);
+
+    /// All traffic stopped for a while, or the clock was set: what was between two events is not known.
+    fn interrupt(&mut self, _context: &mut Context<'_>) {}
+
+    /// A time it asked for has passed.
+    fn wake(&mut self, _token: u64, _context: &mut Context<'_>) {}
+
+    /// Nothing more comes. Where a name is not `known`, what did not come says nothing.
+    fn finish(&mut self, _known: bool, _context: &mut Context<'_>) {}
+
+    /// Why it had nothing to judge, where all names are known.
+    fn idle(&self) -> String;
+}
+
+/// A task and the node it is about.
+struct Scoped<T> {
+    node: Option<NodeId>,
+    named: Named,
+    task: T,
+}
+
+impl<T: Task> Rule for Scoped<T> {
+    #[inline]
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        if matches!(event.kind, EventKind::BusSilent { .. } | EventKind::ClockStep { .. }) {
+            self.task.interrupt(context);
+        }
+        if self.node.is_none() || event.node == self.node {
+            self.named.saw(event, context);
+            self.task.event(event, context);
+        }
+    }
+
+    fn wake(&mut self, token: u64, context: &mut Context<'_>) {
+        self.task.wake(token, context);
+    }
+
+    fn finish(&mut self, context: &mut Context<'_>) {
+        let unknown = self.named.unknown(context.bus);
+        self.task.finish(unknown.is_empty(), context);
+        context.unexercised(if unknown.is_empty() { self.task.idle() } else { unknown.join(", ") });
+    }
+}

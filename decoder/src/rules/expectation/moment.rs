@@ -1,0 +1,24 @@
+//! An event that is remembered because time may show that something is missing behind it.
+
+use crate::event::{Event, FrameRange};
+use crate::rules::{Alarm, Context};
+use crate::wire::NodeId;
+
+/// What is kept of an event.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Moment {
+    pub(super) node: Option<NodeId>,
+    pub(super) frames: FrameRange,
+    is_presumed: bool,
+}
+
+impl Moment {
+    pub(super) fn of(event: &Event) -> Self {
+        Self { node: event.node, frames: event.frames, is_presumed: event.presumed }
+    }
+
+    /// The time that passed behind it shows something wrong.
+    pub(super) fn fail_at<'b, 'a>(&self, at: i64, context: &'b mut Context<'a>) -> Alarm<'b, 'a> {
+        context.fail_at(at, self.node, self.frames).presumed(self.is_presumed)
+    }
+}

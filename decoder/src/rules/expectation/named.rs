@@ -1,0 +1,79 @@
+//! Names an expectation rests on: signals and nodes that nobody ever used are most likely slips.
+
+use super::compile::Plan;
+use super::signal::{Messages, SignalName};
+use crate::event::Event;
+use crate::query::Filter;
+use crate::rules::Context;
+use crate::session::Bus;
+use crate::wire::NodeId;
+
+/// Names without which nothing can match.
+#[derive(Debug)]
+pub(super) struct Named {
+    /// Signals not seen so far.
+    signals: Vec<SignalName>,
+    messages: Messages<()>,
+    /// Each line by any of these numbers.
+    nodes: Vec<Vec<NodeId>>,
+    node_names: Vec<String>,
+}
+
+impl Named {
+    pub(super) fn of(plan: &Plan, node: Option<NodeId>) -> Self {
+        let mut named = Self {
+            signals: Vec::new(),
+            messages: Messages::default(),
+            nodes: node.into_iter().map(|node| vec![node]).collect(),
+            node_names: Vec::new(),
+        };
+        for filter in plan.conditions() {
+            named.take(filter);
+        }
+        named
+    }
+
+    fn take(&mut self, filter: &Filter) {
+        let objects = filter.required("signals.id").into_iter().map(SignalName::read);
+        let names = filter.required("signals.name").into_iter().map(|name| SignalName::Name(name.into()));
+        let numbers = filter.required("signals.spn").into_iter().filter_map(number).map(SignalName::Spn);
+        self.signals.extend(objects.chain(names).chain(numbers));
+        for id in filter.required("node").into_iter().filter_map(number) {
+            let id = u8::try_from(id).unwrap_or(u8::MAX);
+            self.nodes.push(vec![NodeId::Canopen(id), NodeId::J1939(id)]);
+        }
+        self.node_names.extend(filter.required("node_name").into_iter().map(str::to_owned));
+    }
+
+    /// Signals of a layout that is new are seen.
+    #[inline]
+    pub(super) fn saw(&mut self, event: &Event, context: &Context<'_>) {
+        if self.signals.is_empty() {
+            return;
+        }
+        let signals = &mut self.signals;
+        self.messages.of(event, context, |layout, ()| {
+            signals.retain(|name| !layout.fields.iter().any(|field| name.is(field)));
+        });
+    }
+
+    /// What is to be said of names nobody used on this bus.
+    pub(super) fn unknown(&self, bus: &Bus) -> Vec<String> {
+        let signals = self.signals.iter().map(|name| format!("the signal '{name}' was never seen"));
+        let is_heard = |id: &NodeId| bus.node(*id).is_some_and(|node| node.last_seen().0 > 0);
+        let nodes = self.nodes.iter().filter(|ids| !ids.iter().any(is_heard));
+        let nodes = nodes.filter_map(|ids| Some(format!("{} was never heard", ids.first()?.words())));
+        let has_name = |name: &str| bus.nodes().any(|node| node.name() == Some(name));
+        let names = self.node_names.iter().filter(|name| !has_name(name));
+        let names = names.map(|name| format!("no node has the name '{name}'"));
+        signals.chain(nodes).chain(names).collect()
+    }
+}
+
+/// A number as filters have it.
+fn number(text: &str) -> Option<u32> {
+    match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
+        Some(digits) => u32::from_str_radix(digits, 16).ok(),
+        None => text.parse().ok(),
+    }
+}

@@ -1,0 +1,89 @@
+//! `order`: events come step by step.
+
+use super::Task;
+use super::compile::Asked;
+use super::deadline::Deadline;
+use super::moment::Moment;
+use super::subjects::Subjects;
+use super::words::time;
+use crate::event::{Event, FrameRange};
+use crate::rules::Context;
+
+pub(super) struct Order {
+    steps: Vec<Asked>,
+    time: Option<i64>,
+    subjects: Subjects<Way>,
+}
+
+/// How far a sequence has come.
+#[derive(Debug, Clone, Default)]
+struct Way {
+    /// Place of the step that is next; 0 before the first.
+    next: usize,
+    deadline: Deadline,
+    /// Its first step.
+    begun: Moment,
+}
+
+pub(super) fn new(steps: &[Asked], time: Option<i64>, is_per_node: bool) -> Order {
+    Order { steps: steps.to_vec(), time, subjects: Subjects::new(is_per_node) }
+}
+
+impl Order {
+    /// The step an event is: the next one, the first again, or one behind the next. Others may come again, and before
+    /// the first nothing is judged: the capture may begin in the middle.
+    fn step(&self, next: usize, event: &Event, context: &Context<'_>) -> Option<usize> {
+        let is = |place: &usize| self.steps.get(*place).is_some_and(|step| step.matches(event, context));
+        let again = (next == 1).then_some(0);
+        let behind = if next == 0 { 0..0 } else { next + 1..self.steps.len() };
+        std::iter::once(next).chain(again).chain(behind).find(is)
+    }
+}
+
+impl Task for Order {
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        if self.time.is_some() && !context.has_time {
+            return;
+        }
+        let Some(next) = self.subjects.of(event.node).map(|(way, _)| way.next) else { return };
+        let step = self.step(next, event, context);
+        let (Some(step), Some((way, token))) = (step, self.subjects.of(event.node)) else { return };
+        if step == 0 {
+            (way.next, way.begun) = (1, Moment::of(event));
+            if let Some(time) = self.time {
+                way.deadline.set(context.now.saturating_add(time), token, context);
+            }
+            return;
+        }
+        if step == next && step + 1 < self.steps.len() {
+            way.next += 1;
+            return;
+        }
+        way.next = 0;
+        way.deadline.clear();
+        if step == next {
+            return context.pass();
+        }
+        let frames = FrameRange { first: way.begun.frames.first, last: event.frames.last };
+        let missing = self.steps.get(next).map(ToString::to_string).unwrap_or_default();
+        let text = || format!("step {} came before step {}: {missing}", step + 1, next + 1);
+        context.fail(event).frames(frames).say(text);
+    }
+
+    fn wake(&mut self, token: u64, context: &mut Context<'_>) {
+        let Some(way) = self.subjects.of_token(token) else { return };
+        let Some(due) = way.deadline.passed(token, context) else { return };
+        let next = std::mem::take(&mut way.next);
+        let (begun, limit) = (way.begun.frames.first, time(self.time.unwrap_or_default()));
+        let missing = self.steps.get(next).map(ToString::to_string).unwrap_or_default();
+        let alarm = way.begun.fail_at(due, context);
+        alarm.say(|| format!("step {} not within {limit} of {{{begun}}}: {missing}", next + 1));
+    }
+
+    fn idle(&self) -> String {
+        match self.steps.first() {
+            Some(first) => format!("no sequence from the first step to the last: {first}"),
+            None => String::new(),
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! Places within a TOML string: where in the file a byte of what it says stands.
+
+/// Bytes of the string `raw`, as it stands with its quotes, before byte `at` of what it says.
+pub(super) fn place(raw: &str, at: usize) -> usize {
+    let (quote, is_literal) = match raw.as_bytes() {
+        [b'\'', b'\'', b'\'', ..] => (3, true),
+        [b'"', b'"', b'"', ..] => (3, false),
+        [b'\'', ..] => (1, true),
+        _ => (1, false),
+    };
+    let inner = raw.get(quote..).unwrap_or_default();
+    // A line's end right behind three quotes is none of the text.
+    let skipped = match inner {
+        _ if quote == 1 => 0,
+        text if text.starts_with("\r\n") => 2,
+        text if text.starts_with('\n') => 1,
+        _ => 0,
+    };
+    let start = quote + skipped;
+    let mut rest = raw.get(start..).unwrap_or_default();
+    if is_literal {
+        return (start + at).min(raw.len().saturating_sub(quote)).max(start);
+    }
+    let mut said = 0;
+    while said < at && !rest.is_empty() {
+        let (read, says) = piece(rest);
+        said += says;
+        rest = rest.get(read..).unwrap_or_default();
+    }
+    // A line that goes on says nothing: the text begins behind it.
+    while let Some(read) = Some(piece(rest)).and_then(|(read, says)| (says == 0 && read > 0).then_some(read))
+    {
+        rest = rest.get(read..).unwrap_or_default();
+    }
+    raw.len().saturating_sub(rest.len().max(quote))
+}
+
+/// Bytes the first letter or escape takes, and bytes of what it says.
+fn piece(text: &str) -> (usize, usize) {
+    let mut letters = text.chars();
+    match letters.next() {
+        None => (0, 0),
+        Some('\\') => match letters.next() {
+            Some('x') => (4, scalar(text, 2)),
+            Some('u') => (6, scalar(text, 4)),
+            Some('U') => (10, scalar(text, 8)),
+            Some(' ' | '\t' | '\r' | '\n') => {
+                let rest = text.get(1..).unwrap_or_default();
+                (1 + rest.len() - rest.trim_start_matches([' ', '\t', '\r', '\n']).len(), 0)
+            }
+            Some(letter) => (1 + letter.len_utf8(), 1),
+            None => (1, 1),
+        },
+        Some(letter) => (letter.len_utf8(), letter.len_utf8()),
+    }
+}
+
+/// Bytes of the letter that so many hexadecimal digits behind `\u` name.
+fn scalar(text: &str, digits: usize) -> usize {
+    let number = text.get(2..2 + digits).and_then(|digits| u32::from_str_radix(digits, 16).ok());
+    number.and_then(char::from_u32).map_or(1, char::len_utf8)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use serde::Deserialize;
+    use toml::Spanned;
+
+    use super::*;
+
+    #[derive(Deserialize)]
+    struct File {
+        a: Spanned<String>,
+    }
+
+    /// Each letter of what is said is the one that stands at its place, or an escape stands there.
+    #[track_caller]
+    fn check(text: &str) {
+        let file: File = toml::from_str(text).unwrap_or_else(|error| panic!("{text:?}: {error}"));
+        let raw = &text[file.a.span()];
+        let mut last = 0;
+        for (at, letter) in file.a.get_ref().char_indices() {
+            let place = place(raw, at);
+            let found = raw[place..].chars().next().unwrap();
+            assert!(found == letter || found == '\\', "{raw:?} at {at}: {place} is {found:?}");
+            assert!(place > last, "{raw:?} at {at}");
+            last = place;
+        }
+        let end = place(raw, file.a.get_ref().len());
+        assert!(
+            end > last && raw[end..].chars().all(|letter| matches!(letter, '"' | '\'')),
+            "{raw:?}: {end}"
+        );
+    }
+
+    #[test]
+    fn every_form_of_string() {
+        check("a = 'node == \"x\"'");
+        check("a = \"\"");
+        check("a = \"node == \\\"ä\\\" \\u00e4 \\U0001F600 \\x41 \\t z\"");
+        check("a = '''\nnode\n  == 5'''");
+        check("a = '''node'''");
+        check("a = \"\"\"\r\nnode \\\n    == \\\"5 \\   \r\n  \"\"\"");
+        check("a = \"\"\"\\\n   x\"\"\"");
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 256, failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn whatever_it_says(text in "[a-z \"'\\\\äß\u{1F600}\t\n=]{0,30}") {
+            let escaped: String = text.chars().map(|letter| match letter {
+                '"' => "\\\"".into(),
+                '\\' => "\\\\".into(),
+                '\n' => "\\n".into(),
+                'ß' => "\\u00df".into(),
+                other => other.to_string(),
+            }).collect();
+            check(&format!("a = \"{escaped}\""));
+            check(&format!("a = \"\"\"{escaped}\"\"\""));
+            if !text.contains(['\'', '\n']) {
+                check(&format!("a = '{text}'"));
+            }
+        }
+
+        #[test]
+        fn no_text_breaks_it(raw in "\\PC{0,20}", at in 0..40_usize) {
+            prop_assert!(raw.is_empty() || place(&raw, at) <= raw.len());
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! Whom an expectation judges: a bus as a whole, or each of its nodes.
+
+use crate::rules::NodeMap;
+use crate::wire::NodeId;
+
+/// Tokens of wakes: of the whole bus, of a node-ID, of an address.
+const WHOLE: u64 = 0;
+const ADDRESSES: u64 = 0x100;
+
+/// What is remembered of the bus, or of each node.
+#[derive(Debug, Clone)]
+pub(super) enum Subjects<T> {
+    Whole(Box<T>),
+    Nodes(NodeMap<T>),
+}
+
+impl<T: Default> Subjects<T> {
+    pub(super) fn new(is_per_node: bool) -> Self {
+        if is_per_node { Self::Nodes(NodeMap::default()) } else { Self::Whole(Box::default()) }
+    }
+
+    /// What is remembered of whom an event is about, and the token for wakes; nothing for an event of no node where
+    /// each node is judged apart.
+    pub(super) fn of(&mut self, node: Option<NodeId>) -> Option<(&mut T, u64)> {
+        match self {
+            Self::Whole(whole) => Some((whole, WHOLE)),
+            Self::Nodes(nodes) => {
+                let node = node?;
+                let token = match node {
+                    NodeId::Canopen(id) => u64::from(id),
+                    NodeId::J1939(address) => ADDRESSES + u64::from(address),
+                };
+                Some((nodes.entry(node)?, token))
+            }
+        }
+    }
+
+    /// Whom a token is of.
+    pub(super) fn of_token(&mut self, token: u64) -> Option<&mut T> {
+        match self {
+            Self::Whole(whole) => Some(whole),
+            Self::Nodes(nodes) => {
+                let node = match token {
+                    ADDRESSES.. => NodeId::J1939(u8::try_from(token - ADDRESSES).ok()?),
+                    _ => NodeId::Canopen(u8::try_from(token).ok()?),
+                };
+                nodes.get_mut(node)
+            }
+        }
+    }
+
+    /// Does something with each.
+    pub(super) fn for_each(&mut self, mut act: impl FnMut(Option<NodeId>, &mut T)) {
+        match self {
+            Self::Whole(whole) => act(None, whole),
+            Self::Nodes(nodes) => {
+                for node in NodeId::all() {
+                    if let Some(known) = nodes.get_mut(node) {
+                        act(Some(node), known);
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_token_finds_whom_it_is_of() {
+        let mut nodes = Subjects::<u8>::new(true);
+        for (node, value) in [(NodeId::Canopen(5), 1), (NodeId::J1939(0), 2), (NodeId::J1939(5), 3)] {
+            let (known, token) = nodes.of(Some(node)).unwrap();
+            *known = value;
+            assert_eq!(nodes.of_token(token), Some(&mut value.clone()));
+        }
+        assert!(nodes.of(None).is_none());
+        let mut seen = Vec::new();
+        nodes.for_each(|node, value| seen.push((node.unwrap(), *value)));
+        assert_eq!(seen, [(NodeId::Canopen(5), 1), (NodeId::J1939(0), 2), (NodeId::J1939(5), 3)]);
+        assert!(Subjects::<u8>::new(false).of(None).is_some());
+    }
+}

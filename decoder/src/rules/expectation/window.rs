@@ -1,0 +1,88 @@
+//! `count` with `per_seconds`: so many events come in each window. The first event opens one; they follow each other
+//! until one stays empty, and then the next event opens one again.
+
+use super::Task;
+use super::compile::{Asked, Limits};
+use super::deadline::Deadline;
+use super::moment::Moment;
+use super::subjects::Subjects;
+use super::words::{nth, time};
+use crate::event::Event;
+use crate::rules::Context;
+
+pub(super) struct Windows {
+    when: Asked,
+    limits: Limits<u64>,
+    window: i64,
+    subjects: Subjects<Window>,
+}
+
+/// The window that is open.
+#[derive(Debug, Clone, Default)]
+struct Window {
+    count: u64,
+    /// Its end; none where no window is open.
+    end: Option<i64>,
+    deadline: Deadline,
+    /// Its last event.
+    last: Moment,
+}
+
+pub(super) fn new(when: &Asked, limits: Limits<u64>, window: i64, is_per_node: bool) -> Windows {
+    Windows { when: when.clone(), limits, window, subjects: Subjects::new(is_per_node) }
+}
+
+impl Task for Windows {
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        if !context.has_time || !self.when.matches(event, context) {
+            return;
+        }
+        let Some((window, token)) = self.subjects.of(event.node) else { return };
+        if window.end.is_none() {
+            let end = context.now.saturating_add(self.window);
+            window.end = Some(end);
+            window.deadline.set(end, token, context);
+        }
+        window.count += 1;
+        window.last = Moment::of(event);
+        if let Some(max) = self.limits.max
+            && window.count > max
+        {
+            let (when, count, length) = (&self.when, window.count, time(self.window));
+            #[expect(clippy::cast_precision_loss, reason = "a count for comparing")]
+            let alarm = context.fail(event).measure(count as f64);
+            alarm.say(|| format!("the {} within {length} that matches: {when}; at most {max}", nth(count)));
+        }
+    }
+
+    fn interrupt(&mut self, _context: &mut Context<'_>) {
+        self.subjects.for_each(|_, window| {
+            window.deadline.clear();
+            (window.end, window.count) = (None, 0);
+        });
+    }
+
+    fn wake(&mut self, token: u64, context: &mut Context<'_>) {
+        let Some(window) = self.subjects.of_token(token) else { return };
+        let Some(end) = window.deadline.passed(token, context) else { return };
+        let count = std::mem::take(&mut window.count);
+        match self.limits {
+            Limits { max: Some(max), .. } if count > max => {}
+            Limits { min: Some(min), .. } if count < min => {
+                let (when, length) = (&self.when, time(self.window));
+                let alarm = window.last.fail_at(end, context);
+                alarm.say(|| format!("{count} within {length} matched: {when}; at least {min}"));
+            }
+            _ => context.pass(),
+        }
+        // However long nothing comes, it is told once, and costs nothing.
+        window.end = (count > 0).then(|| end.saturating_add(self.window));
+        if let Some(next) = window.end {
+            window.deadline.set(next, token, context);
+        }
+    }
+
+    fn idle(&self) -> String {
+        format!("no window of {} was whole: {}", time(self.window), self.when)
+    }
+}

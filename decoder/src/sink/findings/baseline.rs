@@ -1,0 +1,211 @@
+//! Findings that are known and accepted, kept in a file: one line a finding, sorted, so that a change is a
+//! line in a diff.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Judged, Report, Standing};
+use crate::finding::{Severity, Verdict};
+
+/// Version of the file's form.
+const VERSION: u32 = 1;
+
+/// What was known of captures when the file was written.
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Baseline {
+    version: u32,
+    findings: Vec<Known>,
+    verdicts: Vec<KnownVerdict>,
+}
+
+/// A finding that is accepted.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Known {
+    /// Name of the capture.
+    pub capture: String,
+    /// Which finding.
+    pub fingerprint: String,
+    /// How bad it was.
+    pub severity: String,
+    /// How often it was seen.
+    pub count: u64,
+    /// What it said.
+    pub text: String,
+}
+
+/// A rule that was exercised.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct KnownVerdict {
+    capture: String,
+    rule: String,
+    verdict: String,
+}
+
+/// What differs from the baseline.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Comparison {
+    /// Groups it has, at least as severe.
+    pub accepted: BTreeSet<u64>,
+    /// Findings it has that did not come again.
+    pub gone: Vec<Known>,
+    /// Rules it saw exercised, which are not any more.
+    pub silent: Vec<String>,
+}
+
+impl Baseline {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// Text that is no baseline, with line and column.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let baseline: Self = serde_json::from_str(text).map_err(|error| error.to_string())?;
+        if baseline.version != VERSION {
+            return Err(format!("version {} is not known, only {VERSION}", baseline.version));
+        }
+        let unknown = baseline.findings.iter().find(|known| severity(&known.severity).is_none());
+        match unknown {
+            Some(known) => Err(format!("{}: '{}' is no severity", known.fingerprint, known.severity)),
+            None => Ok(baseline),
+        }
+    }
+
+    /// What was judged now; suppressed findings are not part of it.
+    pub fn of(report: &Report) -> Self {
+        let mut baseline = Self { version: VERSION, ..Self::default() };
+        for judged in report.captures.iter().filter(|judged| judged.failure.is_none()) {
+            let capture = portable(&judged.capture);
+            let groups = judged.findings.groups.iter();
+            let groups =
+                groups.filter(|group| matches!(judged.standing(group), Standing::New | Standing::Accepted));
+            baseline.findings.extend(groups.map(|group| Known {
+                capture: capture.clone(),
+                fingerprint: group.fingerprint(),
+                severity: group.severity.name().to_owned(),
+                count: group.count,
+                text: group.text.clone(),
+            }));
+            let exercised = judged.rules().filter(|(_, tally)| tally.verdict() != Verdict::NotExercised);
+            baseline.verdicts.extend(exercised.map(|(rule, tally)| KnownVerdict {
+                capture: capture.clone(),
+                rule: rule.name.to_string(),
+                verdict: tally.verdict().name().to_owned(),
+            }));
+        }
+        baseline.findings.sort();
+        baseline.verdicts.sort();
+        baseline
+    }
+
+    /// The file: one line a finding.
+    pub fn text(&self) -> String {
+        let list = |lines: Vec<String>| {
+            if lines.is_empty() { String::new() } else { format!("\n    {}\n  ", lines.join(",\n    ")) }
+        };
+        let line = |known: serde_json::Result<String>| known.unwrap_or_default();
+        let findings = self.findings.iter().map(|known| line(serde_json::to_string(known)));
+        let verdicts = self.verdicts.iter().map(|known| line(serde_json::to_string(known)));
+        format!(
+            "{{\n  \"version\": {},\n  \"findings\": [{}],\n  \"verdicts\": [{}]\n}}\n",
+            self.version,
+            list(findings.collect()),
+            list(verdicts.collect())
+        )
+    }
+
+    /// Compares all captures with it.
+    pub fn compare(&self, report: &mut Report) {
+        report.has_baseline = true;
+        for judged in &mut report.captures {
+            judged.comparison = self.comparison(judged);
+        }
+        let judged: BTreeSet<String> = report.captures.iter().map(|one| portable(&one.capture)).collect();
+        let known = self.verdicts.iter().map(|known| &known.capture);
+        let known: BTreeSet<_> = known.chain(self.findings.iter().map(|known| &known.capture)).collect();
+        report.absent = known.into_iter().filter(|capture| !judged.contains(*capture)).cloned().collect();
+    }
+
+    fn comparison(&self, judged: &Judged) -> Comparison {
+        let mut comparison = Comparison::default();
+        // Of a capture that could not be read to its end nothing can be said to be gone.
+        if judged.failure.is_some() && judged.findings.rules.is_empty() {
+            return comparison;
+        }
+        let capture = portable(&judged.capture);
+        let own = self.findings.iter().filter(|known| known.capture == capture);
+        let known: BTreeMap<&str, &Known> = own.map(|known| (known.fingerprint.as_str(), known)).collect();
+        let mut seen = BTreeSet::new();
+        for group in &judged.findings.groups {
+            let fingerprint = group.fingerprint();
+            let Some((name, known)) = known.get_key_value(fingerprint.as_str()) else { continue };
+            seen.insert(*name);
+            if severity(&known.severity).is_some_and(|severity| group.severity <= severity) {
+                comparison.accepted.insert(group.id);
+            }
+        }
+        if judged.failure.is_some() {
+            return comparison;
+        }
+        let gone = known.into_iter().filter(|(name, _)| !seen.contains(name));
+        comparison.gone = gone.map(|(_, known)| known.clone()).collect();
+        let exercised = judged.rules().filter(|(_, tally)| tally.verdict() != Verdict::NotExercised);
+        let exercised: BTreeSet<Arc<str>> = exercised.map(|(rule, _)| Arc::clone(&rule.name)).collect();
+        let before = self.verdicts.iter().filter(|known| known.capture == capture);
+        let silent = before.filter(|known| !exercised.contains(known.rule.as_str()));
+        comparison.silent = silent.map(|known| known.rule.clone()).collect();
+        comparison
+    }
+}
+
+fn severity(name: &str) -> Option<Severity> {
+    [Severity::Note, Severity::Warning, Severity::Error].into_iter().find(|severity| severity.name() == name)
+}
+
+/// The same name on every system: `./a\b.log` is `a/b.log`.
+pub fn portable(capture: &str) -> String {
+    let path = if cfg!(windows) { capture.replace('\\', "/") } else { capture.to_owned() };
+    let path = path.trim_start_matches("./");
+    path.to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_is_read_again() {
+        let known = Known {
+            capture: "a.log".into(),
+            fingerprint: "node-lost|can0|5".into(),
+            severity: "error".into(),
+            count: 2,
+            text: "silent \u{1b}".into(),
+        };
+        let verdict =
+            KnownVerdict { capture: "a.log".into(), rule: "node-lost".into(), verdict: "fail".into() };
+        let baseline = Baseline { version: 1, findings: vec![known; 2], verdicts: vec![verdict] };
+        let text = baseline.text();
+        assert_eq!(Baseline::parse(&text).unwrap(), baseline);
+        assert_eq!(text.lines().count(), 10, "{text}");
+        let empty = Baseline { version: 1, ..Baseline::default() };
+        assert_eq!(Baseline::parse(&empty.text()).unwrap(), empty);
+    }
+
+    #[test]
+    fn what_is_none_is_refused_with_its_place() {
+        let error = Baseline::parse("{\n  \"version\": 1,\n  x\n}").unwrap_err();
+        assert!(error.contains("line 3 column 3"), "{error}");
+        let text = "{\"version\": 9, \"findings\": [], \"verdicts\": []}";
+        assert_eq!(Baseline::parse(text).unwrap_err(), "version 9 is not known, only 1");
+    }
+
+    #[test]
+    fn names_of_captures_are_those_of_every_run() {
+        assert_eq!(portable("./fixtures/a.log"), "fixtures/a.log");
+        assert_eq!(portable("../a.log"), "../a.log");
+    }
+}

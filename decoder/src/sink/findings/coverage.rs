@@ -1,0 +1,47 @@
+//! How often rules and cases of the test plan were judged, as tables.
+
+use std::fmt::Write as _;
+
+use super::Report;
+use crate::finding::Tally;
+use crate::rules::conformance::cases;
+use crate::sink::table::{Align, Table};
+
+/// Appends both tables.
+pub(super) fn write(report: &Report, out: &mut String) {
+    let coverage = report.coverage();
+    let mut rules = table("RULE");
+    for one in &coverage {
+        rules.row(row(&one.rule.name, one.tally, &one.rule.title));
+    }
+    rules.write(0, out);
+    let judged = report.cases();
+    let mut plan = table("CASE");
+    for case in cases().iter() {
+        if let Some(tally) = judged.get(case.id.as_str()) {
+            plan.row(row(&case.id, *tally, &case.name));
+        }
+    }
+    if !plan.is_empty() {
+        let _ = writeln!(out, "\nCases of CiA's conformance test plan that rules judge");
+        plan.write(0, out);
+    }
+    out.push('\n');
+}
+
+fn table(what: &str) -> Table {
+    Table::new(&[
+        (what, Align::Left),
+        ("PASSED", Align::Right),
+        ("FAILED", Align::Right),
+        ("WAIVED", Align::Right),
+        ("VERDICT", Align::Left),
+        ("WHAT", Align::Left),
+    ])
+}
+
+fn row(name: &str, tally: Tally, what: &str) -> [String; 6] {
+    let Tally { passed, failed, waived } = tally;
+    let verdict = tally.verdict().name().replace('-', " ");
+    [name.into(), passed.to_string(), failed.to_string(), waived.to_string(), verdict, what.into()]
+}

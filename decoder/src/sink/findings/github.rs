@@ -1,0 +1,82 @@
+//! Findings as commands of GitHub Actions: each becomes a note beside the line of the capture.
+
+use std::fmt::Write as _;
+
+use super::baseline::portable;
+use super::incident::incidents;
+use super::{Judged, Report, notes, text, what, who};
+use crate::finding::{Group, Severity};
+use crate::sink::escape;
+
+/// Writes one command a finding, the worst of a capture first, and the total as plain text.
+pub fn write(report: &Report, out: &mut String) {
+    for judged in &report.captures {
+        if let Some(failure) = &judged.failure {
+            command(out, "error", &place(judged, None), "unreadable", failure);
+        }
+        for note in &judged.findings.quality {
+            command(out, "notice", &place(judged, None), "quality", note);
+        }
+        for rule in &judged.comparison.silent {
+            let text = "not exercised any more: the baseline has it exercised";
+            command(out, "error", &place(judged, None), rule, text);
+        }
+        for (_, group) in incidents(judged).iter().flat_map(|incident| &incident.groups) {
+            finding(judged, group, out);
+        }
+    }
+    for rule in &report.missing {
+        command(out, "error", "", rule, "had to be exercised, and was in no capture");
+    }
+    let _ = writeln!(out, "{}", text::total(report));
+}
+
+fn finding(judged: &Judged, group: &Group, out: &mut String) {
+    let level = match group.severity {
+        Severity::Error => "error",
+        Severity::Warning => "warning",
+        Severity::Note => "notice",
+    };
+    let place = place(judged, judged.line(group.began()));
+    let lines = [format!("{}  {}", who(group), what(group))].into_iter().chain(notes(group, judged));
+    // An escaped line end is one again in GitHub's own page.
+    let text = lines.map(|line| escape(&line).into_owned()).collect::<Vec<_>>().join("\n");
+    command(out, level, &place, &group.rule, &text);
+}
+
+/// `file=captures/a.log,line=12,`.
+fn place(judged: &Judged, line: Option<u64>) -> String {
+    let file = property(&portable(&judged.capture));
+    match line {
+        Some(line) => format!("file={file},line={line},"),
+        None => format!("file={file},"),
+    }
+}
+
+fn command(out: &mut String, level: &str, place: &str, title: &str, text: &str) {
+    let lines = text.lines().map(escape).collect::<Vec<_>>().join("\n");
+    let _ = writeln!(out, "::{level} {place}title={}::{}", property(title), data(&lines));
+}
+
+/// What the runner undoes in a message.
+fn data(text: &str) -> String {
+    text.replace('%', "%25").replace('\r', "%0D").replace('\n', "%0A")
+}
+
+/// What it undoes in a property.
+fn property(text: &str) -> String {
+    data(&escape(text)).replace(':', "%3A").replace(',', "%2C")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_text_ends_a_command_or_begins_another() {
+        let mut out = String::new();
+        command(&mut out, "error", "", "a,b:c", "50 % \n::error::x\u{1b}");
+        assert_eq!(out, "::error title=a%2Cb%3Ac::50 %25 %0A::error::x\\u{1b}\n");
+        assert_eq!(property("a\nb"), "a\\nb");
+    }
+}

@@ -1,0 +1,143 @@
+//! Findings with one cause, told as one.
+
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::{Judged, Standing};
+use crate::finding::{Cause, Group, Severity};
+
+/// A finding and what follows from it.
+pub(super) struct Incident<'a> {
+    /// The worst of them.
+    pub(super) severity: Severity,
+    /// The cause first; each with how far down it is told.
+    pub(super) groups: Vec<(usize, &'a Group)>,
+}
+
+/// All that stands for itself, the worst first.
+pub(super) fn incidents(judged: &Judged) -> Vec<Incident<'_>> {
+    let told: BTreeMap<u64, &Group> = judged.telling().map(|group| (group.id, group)).collect();
+    let mut effects: BTreeMap<u64, Vec<&Group>> = BTreeMap::new();
+    for group in told.values() {
+        if let Some(cause) = cause(group, &told) {
+            effects.entry(cause.id).or_default().push(group);
+        }
+    }
+    let mut incidents = Vec::new();
+    let mut seen = BTreeSet::new();
+    // What explains each other has no beginning: it is told from the earliest on, once all else is.
+    let roots = told.values().filter(|group| cause(group, &told).is_none());
+    for root in roots.chain(told.values()) {
+        let groups = below(root, &effects, &mut seen);
+        let severity = groups.iter().map(|(_, group)| group.severity).max();
+        incidents.extend(severity.map(|severity| Incident { severity, groups }));
+    }
+    incidents.sort_by_key(|incident| {
+        (Reverse(incident.severity), incident.groups.first().map(|(_, group)| group.id))
+    });
+    incidents
+}
+
+fn cause<'a>(group: &Group, told: &BTreeMap<u64, &'a Group>) -> Option<&'a Group> {
+    match group.cause {
+        Some(Cause::Group(id)) => told.get(&id).copied(),
+        _ => None,
+    }
+}
+
+/// A group and all that follows from it, as far as not told yet.
+fn below<'a>(
+    root: &'a Group,
+    effects: &BTreeMap<u64, Vec<&'a Group>>,
+    seen: &mut BTreeSet<u64>,
+) -> Vec<(usize, &'a Group)> {
+    let mut found = Vec::new();
+    let mut waiting = vec![(0, root)];
+    while let Some((depth, group)) = waiting.pop() {
+        if !seen.insert(group.id) {
+            continue;
+        }
+        found.push((depth, group));
+        let next = effects.get(&group.id).into_iter().flatten().rev();
+        waiting.extend(next.map(|effect| (depth + 1, *effect)));
+    }
+    found
+}
+
+/// Findings the cause of which says the same: how many a group has taken in.
+pub(super) fn absorbed(judged: &Judged) -> BTreeMap<u64, usize> {
+    let mut counts = BTreeMap::new();
+    let all = judged.findings.groups.iter().filter(|group| judged.standing(group) == Standing::Absorbed);
+    for group in all {
+        if let Some(Cause::Group(id)) = group.cause {
+            *counts.entry(id).or_insert(0) += 1;
+        }
+    }
+    counts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::finding::{About, Key};
+    use crate::frame::BusIndex;
+
+    fn group(id: u64, severity: Severity, cause: Option<u64>) -> Group {
+        Group {
+            id,
+            key: Key { rule: 0, bus: BusIndex(0), node: None, about: About::Whole },
+            rule: "r".into(),
+            bus: "can0".into(),
+            node_name: None,
+            severity,
+            text: format!("text {id}"),
+            worst: None,
+            count: 1,
+            first: Vec::new(),
+            last: std::collections::VecDeque::new(),
+            cause: cause.map(Cause::Group),
+            is_absorbed: false,
+            downgraded: None,
+            suppressed: None,
+            is_open: false,
+        }
+    }
+
+    fn told(groups: Vec<Group>) -> Vec<Vec<(usize, u64)>> {
+        let mut judged = Judged::default();
+        judged.findings.groups = groups;
+        let all = incidents(&judged);
+        all.iter()
+            .map(|incident| incident.groups.iter().map(|(depth, group)| (*depth, group.id)).collect())
+            .collect()
+    }
+
+    #[test]
+    fn effects_stand_under_their_cause_and_the_worst_incident_first() {
+        let groups = vec![
+            group(1, Severity::Warning, None),
+            group(2, Severity::Note, Some(4)),
+            group(3, Severity::Error, Some(2)),
+            group(4, Severity::Note, None),
+            group(5, Severity::Note, Some(4)),
+        ];
+        assert_eq!(told(groups), [vec![(0, 4), (1, 2), (2, 3), (1, 5)], vec![(0, 1)]]);
+    }
+
+    #[test]
+    fn what_explains_each_other_is_told_once() {
+        let groups = vec![
+            group(1, Severity::Error, Some(2)),
+            group(2, Severity::Error, Some(1)),
+            group(3, Severity::Error, Some(9)),
+        ];
+        assert_eq!(told(groups), [vec![(0, 1), (1, 2)], vec![(0, 3)]]);
+    }
+
+    #[test]
+    fn an_effect_of_what_does_not_count_stands_for_itself() {
+        let mut cause = group(1, Severity::Error, None);
+        cause.suppressed = Some("known".into());
+        assert_eq!(told(vec![cause, group(2, Severity::Note, Some(1))]), [vec![(0, 2)]]);
+    }
+}

@@ -1,0 +1,261 @@
+//! SARIF 2.1.0 (OASIS): one run over all captures, for code scanning and editors.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use super::baseline::portable;
+use super::{Judged, Report, Standing, notes, what, who};
+use crate::finding::{Cause, Group, Occurrence, RuleInfo, RuleOrigin, Severity};
+use crate::rules::manual;
+use crate::sink::escape;
+
+/// Where the schema of this form is found.
+const SCHEMA: &str =
+    "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json";
+
+/// Name of the fingerprint.
+const FINGERPRINT: &str = "cobscopeGroup/v1";
+
+#[derive(Serialize)]
+#[serde(rename_all = "camelCase")]
+struct Log {
+    #[serde(rename = "$schema")]
+    schema: &'static str,
+    version: &'static str,
+    runs: [Run; 1],
+}
+
+#[derive(Serialize)]
+#[serde(rename_all = "camelCase")]
+struct Run {
+    tool: Value,
+    invocations: [Value; 1],
+    artifacts: Vec<Value>,
+    column_kind: &'static str,
+    results: Vec<SarifResult>,
+}
+
+#[derive(Serialize)]
+#[serde(rename_all = "camelCase")]
+struct SarifResult {
+    rule_id: String,
+    rule_index: usize,
+    level: &'static str,
+    message: Value,
+    locations: [Value; 1],
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    related_locations: Vec<Value>,
+    partial_fingerprints: Value,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    baseline_state: Option<&'static str>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    suppressions: Vec<Value>,
+    properties: Value,
+}
+
+/// Writes all captures.
+pub fn write(report: &Report, out: &mut String) {
+    let coverage = report.coverage();
+    let places: BTreeMap<&str, usize> =
+        coverage.iter().enumerate().map(|(place, one)| (&*one.rule.name, place)).collect();
+    let rules: Vec<_> = coverage.iter().map(|one| rule(one.rule)).collect();
+    let artifacts = report.captures.iter().map(|judged| json!({"location": {"uri": uri(&judged.capture)}}));
+    let mut results = Vec::new();
+    for (place, judged) in report.captures.iter().enumerate() {
+        for group in &judged.findings.groups {
+            let standing = judged.standing(group);
+            if standing != Standing::Absorbed
+                && let Some(rule_index) = places.get(&*group.rule)
+            {
+                results.push(result(group, judged, (place, *rule_index), report.has_baseline));
+            }
+        }
+    }
+    let log = Log {
+        schema: SCHEMA,
+        version: "2.1.0",
+        runs: [Run {
+            tool: json!({"driver": {
+                "name": "cobscope",
+                "version": env!("CARGO_PKG_VERSION"),
+                "semanticVersion": env!("CARGO_PKG_VERSION"),
+                "rules": rules,
+            }}),
+            invocations: [invocation(report)],
+            artifacts: artifacts.collect(),
+            column_kind: "unicodeCodePoints",
+            results,
+        }],
+    };
+    out.push_str(&serde_json::to_string_pretty(&log).unwrap_or_default());
+    out.push('\n');
+}
+
+/// What is known of a rule.
+fn rule(rule: &RuleInfo) -> Value {
+    let markdown = manual(&rule.explanation);
+    let text = markdown.lines().map(|line| line.trim_start_matches("# ")).collect::<Vec<_>>().join("\n");
+    let mut tags = vec![rule.origin.name().to_owned()];
+    tags.extend(rule.cases.iter().map(|case| format!("ctt-{case}")));
+    if rule.is_timing {
+        tags.push("timing".into());
+    }
+    let title = sentence(&rule.title);
+    let (text, markdown) = if text.is_empty() { (title.clone(), title.clone()) } else { (text, markdown) };
+    json!({
+        "id": *rule.name,
+        "shortDescription": {"text": title},
+        "fullDescription": {"text": title},
+        "help": {"text": text, "markdown": markdown},
+        "defaultConfiguration": {"level": level(rule.severity), "enabled": rule.is_on},
+        "properties": {
+            "tags": tags,
+            "precision": if rule.origin == RuleOrigin::General { "high" } else { "very-high" },
+            "problem.severity": problem(rule.severity),
+        },
+    })
+}
+
+/// What limits the verdicts, and what could not be read.
+fn invocation(report: &Report) -> Value {
+    let mut said = Vec::new();
+    for (place, judged) in report.captures.iter().enumerate() {
+        let location = || json!([{"physicalLocation": {"artifactLocation": artifact(judged, place)}}]);
+        for note in &judged.findings.quality {
+            let text = escape(note).into_owned();
+            said.push(json!({"level": "warning", "message": {"text": text}, "locations": location()}));
+        }
+        for rule in &judged.comparison.silent {
+            let text = format!("{rule} is not exercised any more: the baseline has it exercised");
+            said.push(json!({"level": "error", "message": {"text": escape(&text)}, "locations": location()}));
+        }
+        if let Some(failure) = &judged.failure {
+            let text = escape(failure).into_owned();
+            said.push(json!({"level": "error", "message": {"text": text}, "locations": location()}));
+        }
+    }
+    for rule in &report.missing {
+        let text = format!("{rule} had to be exercised, and was in no capture");
+        said.push(json!({"level": "error", "message": {"text": escape(&text)}}));
+    }
+    let is_complete = report.captures.iter().all(|judged| judged.failure.is_none());
+    json!({"executionSuccessful": is_complete, "toolExecutionNotifications": said})
+}
+
+fn result(
+    group: &Group,
+    judged: &Judged,
+    (place, rule_index): (usize, usize),
+    has_baseline: bool,
+) -> SarifResult {
+    let standing = judged.standing(group);
+    let lines = [format!("{}  {}", who(group), what(group))].into_iter().chain(notes(group, judged));
+    let text = lines.map(|line| escape(&line).into_owned()).collect::<Vec<_>>().join("\n");
+    let mut related = Vec::new();
+    if let Some((_, text, at)) = &group.worst {
+        related.push(location(group, judged, place, *at, Some(&format!("worst: {text}"))));
+    }
+    if let Some(Cause::Group(id)) = group.cause
+        && let Some(cause) = judged.findings.group(id)
+    {
+        let text = format!("follows from: {}", what(cause));
+        related.push(location(cause, judged, place, cause.began(), Some(&text)));
+    }
+    let reason = group.suppressed.as_deref();
+    let suppressions =
+        reason.map(|reason| json!({"kind": "external", "justification": escape(reason).into_owned()}));
+    let state = if standing == Standing::Accepted { "unchanged" } else { "new" };
+    SarifResult {
+        rule_id: group.rule.to_string(),
+        rule_index,
+        level: level(group.severity),
+        message: json!({"text": text}),
+        locations: [location(group, judged, place, group.began(), None)],
+        related_locations: related,
+        partial_fingerprints: json!({FINGERPRINT: escape(&group.fingerprint())}),
+        baseline_state: has_baseline.then_some(state),
+        suppressions: suppressions.into_iter().collect(),
+        properties: json!({"count": group.count, "standing": standing.name()}),
+    }
+}
+
+/// The line of the frame where the capture is text; the frames in any case.
+fn location(group: &Group, judged: &Judged, place: usize, at: Occurrence, text: Option<&str>) -> Value {
+    let artifact = artifact(judged, place);
+    let physical = match judged.line(at) {
+        Some(line) => json!({"artifactLocation": artifact, "region": {"startLine": line}}),
+        None => json!({"artifactLocation": artifact}),
+    };
+    let frames = if at.frames.first == at.frames.last {
+        format!("frame {}", at.frames.last)
+    } else {
+        format!("frames {}-{}", at.frames.first, at.frames.last)
+    };
+    let name = escape(&who(group)).into_owned();
+    let logical =
+        json!([{"name": frames, "fullyQualifiedName": format!("{name} {frames}"), "kind": "frame"}]);
+    match text {
+        Some(text) => json!({
+            "physicalLocation": physical,
+            "logicalLocations": logical,
+            "message": {"text": escape(text)},
+        }),
+        None => json!({"physicalLocation": physical, "logicalLocations": logical}),
+    }
+}
+
+fn artifact(judged: &Judged, place: usize) -> Value {
+    json!({"uri": uri(&judged.capture), "index": place})
+}
+
+const fn level(severity: Severity) -> &'static str {
+    severity.name()
+}
+
+/// GitHub's word for it.
+const fn problem(severity: Severity) -> &'static str {
+    match severity {
+        Severity::Error => "error",
+        Severity::Warning => "warning",
+        Severity::Note => "recommendation",
+    }
+}
+
+/// A title as a sentence.
+fn sentence(title: &str) -> String {
+    let mut letters = title.chars();
+    let first = letters.next().map(|letter| letter.to_uppercase().to_string());
+    format!("{}{}.", first.unwrap_or_default(), letters.as_str())
+}
+
+/// A path as a reference (RFC 3986): relative where it is, bytes other than letters and digits in hex.
+fn uri(capture: &str) -> String {
+    let path = portable(capture);
+    let mut uri = String::new();
+    if path.starts_with('/') {
+        uri.push_str("file://");
+    }
+    for byte in path.bytes() {
+        if byte.is_ascii_alphanumeric() || b"/._~-".contains(&byte) {
+            uri.push(char::from(byte));
+        } else {
+            let _ = write!(uri, "%{byte:02X}");
+        }
+    }
+    uri
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_are_references() {
+        assert_eq!(uri("./a b/ä.log"), "a%20b/%C3%A4.log");
+        assert_eq!(uri("/tmp/x:1.log"), "file:///tmp/x%3A1.log");
+        assert_eq!(sentence("a node is lost"), "A node is lost.");
+    }
+}

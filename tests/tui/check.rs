@@ -1,0 +1,574 @@
+//! `cobscope check` and everything around findings. Which findings are right is said in `fixtures/rules/`.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::PathBuf;
+
+use serde_json::{Value, json};
+
+use crate::cli::{Output, run};
+use crate::support::workspace;
+
+const LOST: &str = "fixtures/rules/node-lost.log";
+const EMCY: &str = "fixtures/rules/emcy-raised.log";
+const CLEAN: &str = "fixtures/canopen/time_stamp.log";
+
+/// Captures of the recipe in `docs/ci.md`.
+pub const RECIPE: [&str; 3] = ["fixtures/canopen", "fixtures/j1939", "fixtures/uds"];
+
+fn check(arguments: &[&str]) -> Output {
+    run(&[&["check"], arguments].concat(), "")
+}
+
+/// A fresh folder of this test.
+fn folder(name: &str) -> PathBuf {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("check").join(name);
+    let _ = fs::remove_dir_all(&path);
+    fs::create_dir_all(&path).unwrap();
+    path
+}
+
+fn text(path: &std::path::Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// Lines of `-f jsonl`.
+fn lines(arguments: &[&str]) -> Vec<Value> {
+    let output = check(&[&["-f", "jsonl"], arguments].concat());
+    output.stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+#[test]
+fn the_page() {
+    // The marks of the fixture: late at frame 9, silent from 10 on. The table counts rules in use; those with
+    // nothing to judge depend on how many there are.
+    let output = check(&[LOST]);
+    let lines: Vec<&str> = output.stdout.lines().collect();
+    assert_eq!(lines[0], "== fixtures/rules/node-lost.log (14 frames, 2.000 s)");
+    assert_eq!(
+        lines[1],
+        "error    can0 5/05  silent since {10} (heartbeat), was pre-operational [node-lost]"
+    );
+    assert_eq!(lines[2], "         2 times, first 0.670 s {8-9}, last 0.970 s {10}");
+    let readme = fs::read_to_string(workspace().join("README.md")).unwrap();
+    assert!(readme.contains(&lines[..3].join("\n")));
+    assert!(
+        lines[4].starts_with("CAPTURE                       ERRORS  WARNINGS  NOTES  PASSED"),
+        "{}",
+        lines[4]
+    );
+    assert!(lines[5].starts_with("fixtures/rules/node-lost.log       1         0      0"), "{}", lines[5]);
+    assert!(lines[5].ends_with("FAILED"), "{}", lines[5]);
+    assert_eq!(lines[6], "1 capture: 1 failed, 0 unreadable; 1 error, 0 warnings, 0 notes");
+    assert_eq!((output.code, output.stderr.as_str()), (1, ""));
+}
+
+#[test]
+fn a_capture_there_is_nothing_to_say_of_is_a_row() {
+    let output = check(&[CLEAN]);
+    assert_eq!((output.code, output.stdout.lines().count()), (0, 3), "{}", output.stdout);
+    assert!(output.stdout.starts_with("CAPTURE"), "{}", output.stdout);
+}
+
+#[test]
+fn colours_only_when_asked_for() {
+    assert!(!check(&[LOST]).stdout.contains('\u{1b}'));
+    assert!(check(&["--color", "always", LOST]).stdout.contains("\u{1b}[31merror   \u{1b}[0m can0 5/05"));
+}
+
+#[test]
+fn exit_codes() {
+    assert_eq!(check(&[CLEAN]).code, 0);
+    assert_eq!(check(&[LOST]).code, 1);
+    assert_eq!(check(&["--fail-on", "never", LOST]).code, 0);
+    // The EMCYs are warnings.
+    assert_eq!(check(&[EMCY]).code, 0);
+    assert_eq!(check(&["--fail-on", "warning", EMCY]).code, 1);
+    assert_eq!(check(&["-f", "xml", EMCY]).code, 2);
+    assert_eq!(check(&["--today", "tomorrow", EMCY]).code, 2);
+    assert_eq!(check(&["--update-baseline", EMCY]).code, 2);
+    let several = check(&["no/such.log", LOST]);
+    assert_eq!(several.code, 3);
+    assert!(several.stderr.contains("no/such.log: cannot be opened"), "{}", several.stderr);
+    assert!(several.stdout.contains("[node-lost]") && several.stdout.contains("UNREADABLE"));
+    assert_eq!(check(&["--baseline", "no/such.json", LOST]).code, 4);
+    assert_eq!(check(&["--bus", "no/such.toml", LOST]).code, 4);
+}
+
+#[test]
+fn rules_a_bus_file_names_wrongly_are_shown_with_their_place() {
+    let file = folder("wrong").join("bus.toml");
+    let wrong = [
+        (
+            "[rules.node-losst]\nseverity = \"note\"\n",
+            "bus.toml:1:8: there is no rule 'node-losst'; did you mean 'node-lost'?",
+        ),
+        ("[rules.node-lost]\nlimit = 3\n", "bus.toml:2:1: node-lost has severity and"),
+        (
+            "[rules.node-lost]\nseverity = \"bad\"\n",
+            "bus.toml:2:12: a severity is error, warning, note or off",
+        ),
+        (
+            "[[suppress]]\nrule = \"node-lots\"\nreason = \"x\"\n",
+            "bus.toml:2:8: there is no rule 'node-lots'",
+        ),
+        ("[[suppress]]\nrule = \"node-lost\"\n", "bus.toml:1:1: missing field `reason`"),
+        (
+            "[[suppress]]\nrule = \"node-lost\"\nreason = \"x\"\nuntil = \"May\"\n",
+            "bus.toml:4:9: a day is written 2026-01-31",
+        ),
+    ];
+    for (bus, said) in wrong {
+        fs::write(&file, bus).unwrap();
+        // What judges while it decodes says so too.
+        for command in ["check", "decode"] {
+            let output = run(&[command, "--bus", text(&file), LOST], "");
+            assert_eq!(output.code, 4, "{bus}");
+            assert!(output.stderr.contains(said), "{said}\n{}", output.stderr);
+        }
+    }
+}
+
+#[test]
+fn the_bus_file_says_how_strict() {
+    let file = folder("strict").join("bus.toml");
+    fs::write(&file, "[rules.node-lost]\nseverity = \"note\"\n").unwrap();
+    let output = check(&["--bus", text(&file), LOST]);
+    assert!(output.code == 0 && output.stdout.contains("note     can0 5/05"), "{}", output.stdout);
+    fs::write(&file, "[rules.node-lost]\nseverity = \"off\"\n").unwrap();
+    let lines = lines(&["--bus", text(&file), LOST]);
+    assert!(lines.iter().all(|line| line["rule"] != "node-lost"));
+    assert!(lines[0]["rules"].as_array().unwrap().iter().all(|rule| rule["rule"] != "node-lost"));
+}
+
+#[test]
+fn suppressions_are_said() {
+    let file = folder("suppressed").join("bus.toml");
+    let bus = "[[suppress]]\nrule = \"node-lost\"\nnode = 5\nuntil = 2026-06-30\nreason = \"known gateway\"\n\
+               [[suppress]]\nrule = \"sdo-no-response\"\nreason = \"old master\"\n";
+    fs::write(&file, bus).unwrap();
+    let arguments = ["--bus", text(&file), LOST];
+    let before = check(&[&["--today", "2026-06-30", "-v"], &arguments[..]].concat());
+    assert_eq!(before.code, 0);
+    let said = "suppressed 1 finding by node-lost of node 5/05: known gateway\n";
+    assert!(before.stdout.contains(said), "{}", before.stdout);
+    assert!(before.stdout.contains("2 times, first 0.670 s {8-9}, last 0.970 s {10}; known gateway\n"));
+    assert!(before.stdout.contains("note     suppression of sdo-no-response met nothing: old master\n"));
+    assert!(before.stdout.contains("0 notes, 1 suppressed\n"), "{}", before.stdout);
+    let after = check(&[&["--today", "2026-07-01"], &arguments[..]].concat());
+    assert_eq!(after.code, 1);
+    let said = "note     suppression of node-lost of node 5/05 ran out on 2026-06-30: known gateway\n";
+    assert!(after.stdout.contains(said), "{}", after.stdout);
+    // What one of several captures shows is used.
+    let several = check(&["--bus", text(&file), LOST, "fixtures/rules/sdo-no-response.log"]);
+    assert!(!several.stdout.contains("met nothing"), "{}", several.stdout);
+}
+
+#[test]
+fn output_is_the_same_for_any_number_of_threads() {
+    let captures =
+        [&RECIPE[..], &["fixtures/devices", "fixtures/malformed", "no/such.log", "fixtures/rules"]].concat();
+    for format in ["text", "jsonl", "junit", "sarif", "github"] {
+        let by = |threads: &str| check(&[&["-f", format, "--threads", threads], &captures[..]].concat());
+        let (one, two, five) = (by("1"), by("2"), by("5"));
+        assert!(one.stdout.lines().count() > 20, "{format}");
+        assert!(one.stdout == two.stdout && one.stdout == five.stdout, "{format}");
+        assert!(one.stderr == two.stderr && one.stderr == five.stderr, "{format}");
+        assert_eq!((one.code, two.code, five.code), (3, 3, 3));
+    }
+}
+
+#[test]
+fn a_folder_stands_for_the_captures_below_it() {
+    let folder = folder("below");
+    fs::create_dir_all(folder.join("b/c")).unwrap();
+    fs::create_dir_all(folder.join(".git")).unwrap();
+    let boot = "(1700000000.000000) can0 705#00\n";
+    for capture in ["z.log", "b/c/d", "b/a.txt", ".git/x.log"] {
+        fs::write(folder.join(capture), boot).unwrap();
+    }
+    fs::write(folder.join("notes.md"), "no capture").unwrap();
+    fs::write(folder.join("empty"), "").unwrap();
+    let summaries = lines(&[text(&folder), CLEAN]);
+    let names: Vec<_> = summaries.iter().filter_map(|line| line["capture"].as_str()).collect();
+    let below = |name: &str| folder.join(name).to_str().unwrap().to_owned();
+    assert_eq!(names, [below("b/a.txt").as_str(), &below("b/c/d"), &below("z.log"), CLEAN]);
+    let empty = check(&[text(&folder.join(".git")), text(&folder.join("b"))]);
+    assert_eq!(empty.code, 0);
+    fs::remove_file(folder.join(".git/x.log")).unwrap();
+    let empty = check(&[text(&folder.join(".git")), CLEAN]);
+    assert_eq!(empty.code, 3);
+    assert!(empty.stderr.contains(".git: holds no capture"), "{}", empty.stderr);
+    // Named itself, a file has to be a capture.
+    assert_eq!(check(&[text(&folder.join("notes.md"))]).code, 3);
+}
+
+#[test]
+fn a_file_instead_of_standard_output() {
+    let file = folder("output").join("report.xml");
+    let output = check(&["-f", "junit", "-o", text(&file), LOST]);
+    assert_eq!((output.code, output.stdout.as_str()), (1, ""));
+    assert!(fs::read_to_string(&file).unwrap().starts_with("<?xml"));
+    assert_eq!(check(&["-o", "no/such/report.xml", LOST]).code, 2);
+}
+
+/// The capture of node 5 whose heartbeats stop, and more frames.
+fn capture(folder: &std::path::Path, more: &str) -> String {
+    let path = folder.join("machine.log");
+    fs::write(&path, fs::read_to_string(workspace().join(LOST)).unwrap() + more).unwrap();
+    text(&path).to_owned()
+}
+
+#[test]
+fn a_baseline_accepts_what_is_known() {
+    let folder = folder("baseline");
+    let file = folder.join("baseline.json");
+    let baseline = ["--baseline", text(&file)];
+    let known = capture(&folder, "");
+    let with = |more: &[&str], capture: &str| check(&[&baseline[..], more, &[capture]].concat());
+    let missing = with(&[], &known);
+    assert!(
+        missing.code == 4 && missing.stderr.contains("--update-baseline writes it"),
+        "{}",
+        missing.stderr
+    );
+    let written = with(&["--update-baseline"], &known);
+    assert_eq!(written.code, 0, "{}{}", written.stdout, written.stderr);
+    let kept = fs::read_to_string(&file).unwrap();
+    let finding = format!(
+        "    {{\"capture\":{},\"fingerprint\":\"node-lost|can0|5\",\"severity\":\"error\",\"count\":2,\
+         \"text\":\"silent since {{10}} (heartbeat), was pre-operational\"}}\n",
+        json!(known)
+    );
+    assert!(kept.contains(&finding), "{kept}");
+
+    let same = with(&[], &known);
+    assert_eq!(same.code, 0);
+    assert!(same.stdout.contains("0 errors, 0 warnings, 0 notes, 1 accepted"), "{}", same.stdout);
+    assert!(!same.stdout.contains("[node-lost]"), "{}", same.stdout);
+    assert!(with(&["-v"], &known).stdout.contains("accepted   can0 5/05  silent since {10}"));
+
+    // EMCY 8130 of a node that is operational is a new finding, and a warning.
+    let more = "(1700000003.000000) can0 000#0105\n(1700000003.100000) can0 705#05\n\
+                (1700000003.200000) can0 705#05\n(1700000003.250000) can0 085#3081110000000000\n";
+    let worse = capture(&folder, more);
+    let new = with(&["--fail-on", "warning"], &worse);
+    assert!(new.code == 1 && new.stdout.contains("EMCY 8130"), "{}", new.stdout);
+    assert!(!new.stdout.contains("silent since {10}"), "{}", new.stdout);
+}
+
+#[test]
+fn a_worse_finding_a_gone_one_and_a_silent_rule_are_told() {
+    let folder = folder("worse");
+    let file = folder.join("baseline.json");
+    let known = capture(&folder, "");
+    let baseline = |text: &Value| fs::write(&file, text.to_string()).unwrap();
+    let finding = |fingerprint: &str, severity: &str| json!({"capture": known, "fingerprint": fingerprint, "severity": severity, "count": 1, "text": "silent"});
+    let verdict = |rule: &str| json!({"capture": known, "rule": rule, "verdict": "pass"});
+    let arguments = ["--baseline", text(&file), known.as_str()];
+
+    baseline(&json!({"version": 1, "findings": [finding("node-lost|can0|5", "warning")], "verdicts": []}));
+    let worse = check(&arguments);
+    assert!(worse.code == 1 && worse.stdout.contains("error    can0 5/05  silent"), "{}", worse.stdout);
+
+    let findings = [finding("node-lost|can0|5", "error"), finding("node-lost|can0|9", "error")];
+    baseline(&json!({"version": 1, "findings": findings, "verdicts": [verdict("node-lost")]}));
+    let gone = check(&arguments);
+    assert_eq!(gone.code, 0, "{}", gone.stdout);
+    assert!(gone.stdout.contains("gone     error node-lost|can0|9: silent\n"), "{}", gone.stdout);
+
+    let other = json!({"capture": "other.log", "rule": "node-lost", "verdict": "pass"});
+    baseline(&json!({"version": 1, "findings": [&findings[0]], "verdicts": [verdict("emcy-raised"), other]}));
+    for arguments in [&arguments[..], &["--fail-on", "never", arguments[0], arguments[1], arguments[2]]] {
+        let silent = check(arguments);
+        assert_eq!(silent.code, 1, "{}", silent.stdout);
+        let said = "silent   emcy-raised is not exercised any more: the baseline has it exercised\n";
+        assert!(silent.stdout.contains(said), "{}", silent.stdout);
+        assert!(
+            silent.stdout.contains("note     other.log of the baseline was not judged\n"),
+            "{}",
+            silent.stdout
+        );
+    }
+
+    fs::write(&file, "{\"version\": 1,\n\"findings\": 3}").unwrap();
+    let broken = check(&arguments);
+    assert!(broken.code == 4 && broken.stderr.contains("line 2 column"), "{}", broken.stderr);
+}
+
+#[test]
+fn rules_that_have_to_be_exercised() {
+    let met = check(&["--require-exercised", "node-lost,emcy-raised", "--fail-on", "never", LOST, EMCY]);
+    assert_eq!(met.code, 0, "{}", met.stdout);
+    let missing = check(&["--require-exercised", "node-lost,emcy-raised", "--fail-on", "never", LOST]);
+    assert_eq!(missing.code, 1);
+    let said = "missing  emcy-raised had to be exercised, and was in no capture\n";
+    assert!(missing.stdout.contains(said), "{}", missing.stdout);
+    let unknown = check(&["--require-exercised", "node-losst", LOST]);
+    assert_eq!(unknown.code, 2);
+    let said = "--require-exercised: there is no rule 'node-losst'; did you mean 'node-lost'?";
+    assert!(unknown.stderr.contains(said), "{}", unknown.stderr);
+}
+
+#[test]
+fn coverage_by_rule_and_by_case_of_the_test_plan() {
+    // Six heartbeats in time, one late, then none; one boot-up at the beginning; no EMCY.
+    let output = check(&["--coverage", LOST]).stdout;
+    let row = |name: &str| {
+        let row = output.lines().find(|line| line.starts_with(&format!("{name} "))).unwrap();
+        row.split_whitespace().skip(1).take(4).map(str::to_owned).collect::<Vec<_>>()
+    };
+    assert_eq!(row("node-lost"), ["6", "2", "0", "fail"]);
+    assert_eq!(row("emcy-raised"), ["0", "0", "0", "not"]);
+    assert!(output.contains("heartbeats counted against their time\n"), "{output}");
+}
+
+/// Frames with a hostile bus name, in a file with a hostile name, with a hostile name of the node.
+fn hostile() -> (String, String) {
+    let folder = folder("hostile\u{1b}[2J,line=1::x");
+    let capture = folder.join("a\u{202e}b%\n::error file=x::y.log");
+    let bus = "::a,b\u{1b}[31m<&>\"'";
+    let mut frames = String::new();
+    for (time, frame) in ["705#00", "000#0105", "705#05", "705#05", "085#3081110000000000"].iter().enumerate()
+    {
+        writeln!(frames, "(17000000{time:02}.{}00000) {bus} {frame}", time + 1).unwrap();
+    }
+    fs::write(&capture, frames).unwrap();
+    let file = folder.join("bus.toml");
+    let name = "]]>\\u001B]0;x\\u0007\\n::error::z]]>\\u0000\\uFFFE</failure>";
+    fs::write(&file, format!("[node.5]\nname = \"{name}\"\n")).unwrap();
+    (text(&capture).to_owned(), text(&file).to_owned())
+}
+
+#[test]
+fn nothing_of_a_capture_steers_a_terminal_or_a_server() {
+    let (capture, bus) = hostile();
+    let captures = [
+        capture.as_str(),
+        "fixtures/malformed/device_name_escapes.log",
+        "fixtures/malformed/interface_names.log",
+    ];
+    for format in ["text", "jsonl", "junit", "sarif", "github"] {
+        let arguments =
+            [&["-f", format, "--fail-on", "warning", "--bus", &bus, "-v"], &captures[..]].concat();
+        let output = check(&arguments);
+        assert_eq!(output.code, 1, "{format} {}", output.stderr);
+        let steers = |c: char| c != '\n' && (c.is_control() || ('\u{202a}'..='\u{202e}').contains(&c));
+        let is_json = matches!(format, "jsonl" | "sarif");
+        if !is_json {
+            assert!(!output.stdout.contains(steers), "{format}: {:?}", output.stdout);
+        }
+        assert!(!output.stderr.contains(steers), "{format}: {:?}", output.stderr);
+        match format {
+            "jsonl" => {
+                let finding: Value = serde_json::from_str(output.stdout.lines().next().unwrap()).unwrap();
+                assert_eq!(finding["capture"], json!(capture));
+            }
+            "github" => {
+                let commands: Vec<&str> = output.stdout.lines().collect();
+                let (total, commands) = commands.split_last().unwrap();
+                assert!(total.starts_with("3 captures: ") && !commands.is_empty());
+                for command in commands {
+                    // One command, whose properties end at the second pair of colons.
+                    let mut parts = command.splitn(3, "::");
+                    assert_eq!(parts.next(), Some(""));
+                    let properties = parts.next().unwrap();
+                    let level = properties.split(' ').next().unwrap();
+                    assert!(["error", "warning", "notice"].contains(&level), "{command}");
+                    assert!(properties[level.len()..].starts_with(" file="), "{command}");
+                    assert!(properties.matches(',').count() <= 2, "{command}");
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+#[test]
+fn commands_of_github_name_the_line() {
+    // The EMCY in the 6th frame stands in line 8, behind two remarks.
+    let output = check(&["-f", "github", EMCY]);
+    let first = "::warning file=fixtures/rules/emcy-raised.log,line=8,title=emcy-raised::can0 5/05  EMCY 8130 \
+                 heartbeat or life-guard error%0A2 times, first 1.000 s {6}, last 1.100 s {7}";
+    assert_eq!(output.stdout.lines().next().unwrap(), first);
+    assert!(output.stdout.lines().last().unwrap().starts_with("1 capture: 0 failed"));
+}
+
+#[test]
+fn lines_are_those_of_the_file_and_only_of_text() {
+    let line = |path: &str| {
+        let log: Value = serde_json::from_str(&check(&["-f", "sarif", path]).stdout).unwrap();
+        let results = log["runs"][0]["results"].as_array().unwrap().clone();
+        let lost = results.into_iter().find(|result| result["ruleId"] == "sdo-no-response").unwrap();
+        let location = &lost["locations"][0];
+        assert_eq!(location["logicalLocations"][0]["name"], "frames 13-15");
+        location["physicalLocation"]["region"]["startLine"].clone()
+    };
+    // Frames 13 to 15 begin a segmented upload nobody goes on with; pasted text has other lines before them.
+    for (path, behind) in [
+        ("fixtures/dialects/candump_L.log", 0),
+        ("fixtures/dialects/candump_ta.txt", 0),
+        ("fixtures/dialects/pasted_L.log", 2),
+        ("fixtures/dialects/log2asc.asc", 2),
+        ("fixtures/dialects/cr_only.log", 0),
+    ] {
+        let found = line(path).as_u64().unwrap();
+        let file = fs::read_to_string(workspace().join(path)).unwrap();
+        let text = file.split(['\n', '\r']).nth(usize::try_from(found).unwrap() - 1).unwrap();
+        assert!(found >= 15 + behind && text.contains("582"), "{path}:{found}: {text}");
+    }
+}
+
+#[test]
+fn sarif_holds_what_code_scanning_shows() {
+    let log: Value = serde_json::from_str(&check(&["-f", "sarif", LOST, CLEAN]).stdout).unwrap();
+    let run = &log["runs"][0];
+    assert_eq!((&log["version"], run["results"].as_array().unwrap().len()), (&json!("2.1.0"), 1));
+    let result = &run["results"][0];
+    let rule =
+        &run["tool"]["driver"]["rules"][usize::try_from(result["ruleIndex"].as_u64().unwrap()).unwrap()];
+    assert_eq!((&result["ruleId"], &rule["id"]), (&json!("node-lost"), &json!("node-lost")));
+    assert_eq!(rule["defaultConfiguration"]["level"], "error");
+    assert!(rule["help"]["markdown"].as_str().unwrap().starts_with("# What it checks\n"));
+    assert!(rule["properties"]["tags"].as_array().unwrap().contains(&json!("ctt-7.102")));
+    assert_eq!(result["partialFingerprints"]["cobscopeGroup/v1"], "node-lost|can0|5");
+    let physical = &result["locations"][0]["physicalLocation"];
+    assert_eq!(physical["artifactLocation"], json!({"uri": LOST, "index": 0}));
+    // Frame 9 is the first heartbeat that is late: the line before its mark.
+    let line = physical["region"]["startLine"].as_u64().unwrap();
+    let file = fs::read_to_string(workspace().join(LOST)).unwrap();
+    assert!(file.lines().nth(usize::try_from(line).unwrap()).unwrap().starts_with("#~ node-lost"));
+}
+
+#[test]
+fn junit_has_a_suite_a_capture_and_a_case_a_rule() {
+    let output = check(&["-f", "junit", LOST, CLEAN]).stdout;
+    assert!(output.contains("<testsuite name=\"fixtures/rules/node-lost.log\""), "{output}");
+    let (lost, clean) = output.split_once("<testsuite name=\"fixtures/canopen/time_stamp.log\"").unwrap();
+    assert!(lost.contains("<failure message=\"can0 5/05  silent since {10}"), "{lost}");
+    assert!(lost.contains("    fixtures/rules/node-lost.log:10</failure>"), "{lost}");
+    assert!(
+        clean.contains("<skipped message=\"not exercised: nothing in the capture to judge\"/>"),
+        "{clean}"
+    );
+    assert!(!clean.contains("<failure"), "{clean}");
+    let lenient = check(&["-f", "junit", "--fail-on", "never", LOST]).stdout;
+    assert!(!lenient.contains("<failure") && lenient.contains("<system-out>error can0 5/05"), "{lenient}");
+    let unread = check(&["-f", "junit", "no/such.log"]).stdout;
+    assert!(unread.contains("<error message=\"no/such.log: cannot be opened"), "{unread}");
+}
+
+#[test]
+fn findings_stand_among_events_where_they_come() {
+    let output = run(&["decode", LOST], "").stdout;
+    let lines: Vec<&str> = output.lines().collect();
+    let found = lines.iter().position(|line| line.contains("silent since {10}")).unwrap();
+    assert!(lines[found].contains("5/05") && lines[found].ends_with("[node-lost] {10}"), "{}", lines[found]);
+    assert!(lines[found - 1].contains("LOST"), "{output}");
+    assert!(!run(&["decode", "--no-findings", LOST], "").stdout.contains("[node-lost]"));
+    let kinds = |arguments: &[&str]| {
+        let output = run(&[&["decode", "-f", "jsonl"], arguments, &[LOST]].concat(), "").stdout;
+        let all = output.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+        all.filter(|event| event["rule"] == "node-lost")
+            .map(|event| event["kind"].clone())
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(kinds(&[]), ["finding-opened", "finding-opened", "finding-closed"]);
+    assert_eq!(kinds(&["--filter", "severity == error && kind == finding-opened"]), ["finding-opened"]);
+    assert!(kinds(&["--no-findings"]).is_empty());
+}
+
+#[test]
+fn the_rules_are_listed_and_explained() {
+    let table = run(&["rules"], "").stdout;
+    assert!(table.starts_with("RULE "), "{table}");
+    let row = table.lines().find(|line| line.starts_with("node-lost ")).unwrap();
+    let cells: Vec<&str> = row.split_whitespace().take(4).collect();
+    assert_eq!(cells, ["node-lost", "error", "on", "timing"]);
+    assert!(table.contains("\ndanfoss-pve-ci:avc-gap "), "{table}");
+    let all: Value = serde_json::from_str(&run(&["rules", "-f", "json"], "").stdout).unwrap();
+    let slow = all.as_array().unwrap().iter().find(|rule| rule["name"] == "sdo-no-response").unwrap();
+    assert_eq!(slow["tolerances"][0]["key"], "warning-ms");
+    let page = run(&["explain", "sdo-no-response"], "");
+    assert_eq!(page.code, 0);
+    for part in
+        ["\nWhat it checks\n", "\nTolerances\n", "  warning-ms      200  ms ", "  [rules.sdo-no-response]\n"]
+    {
+        assert!(page.stdout.contains(part), "{part}{}", page.stdout);
+    }
+    let device = run(&["explain", "danfoss-pve-ci:avc-gap"], "").stdout;
+    assert!(
+        device.contains("\nSource\n") && device.contains("[rules.\"danfoss-pve-ci:avc-gap\"]"),
+        "{device}"
+    );
+    // The snippet is what holds without it.
+    let bus = folder("snippet").join("bus.toml");
+    let snippet = page.stdout.split("\nBus file, with what holds without it\n").nth(1).unwrap();
+    fs::write(&bus, snippet).unwrap();
+    assert_eq!(check(&["--bus", text(&bus), LOST]).stdout, check(&[LOST]).stdout);
+}
+
+#[test]
+fn our_own_fixtures_are_checked_as_the_recipe_says() {
+    const BASELINE: &str = "fixtures/baseline.json";
+    if std::env::var_os("COBSCOPE_BLESS").is_some() {
+        check(&[&["--baseline", BASELINE, "--update-baseline"], &RECIPE[..]].concat());
+    }
+    let output = check(&[&["--baseline", BASELINE, "--fail-on", "warning"], &RECIPE[..]].concat());
+    assert_eq!(output.code, 0, "read each line, then COBSCOPE_BLESS=1\n{}", output.stdout);
+    for mark in ["\ngone ", "\nerror ", "\nwarning ", "\nnote "] {
+        assert!(!output.stdout.contains(mark), "read each line, then COBSCOPE_BLESS=1\n{}", output.stdout);
+    }
+}
+
+#[test]
+fn every_command_of_the_document_runs() {
+    let folder = folder("document");
+    let document = fs::read_to_string(workspace().join("docs/ci.md")).unwrap();
+    let bus = folder.join("machine.toml");
+    fs::write(&bus, "[node.5]\nname = \"pump\"\n").unwrap();
+    let (baseline, captures) = (folder.join("baseline.json"), "fixtures/rules");
+    let mut count = 0;
+    for block in document.split("```").skip(1).step_by(2) {
+        for line in block.lines() {
+            let Some((_, arguments)) = line.split_once("cobscope check ") else { continue };
+            let words = arguments.split(' ').map(|word| match word {
+                "machine.toml" => text(&bus).to_owned(),
+                "captures/baseline.json" => text(&baseline).to_owned(),
+                "captures" => captures.to_owned(),
+                "cobscope.sarif" | "cobscope.xml" => text(&folder.join(word)).to_owned(),
+                other => other.to_owned(),
+            });
+            let words: Vec<String> = words.collect();
+            let output = check(&words.iter().map(String::as_str).collect::<Vec<_>>());
+            // Without a baseline the fixtures of the rules have findings.
+            let is_accepted = arguments.contains("--baseline") || arguments.contains("--fail-on never");
+            assert_eq!(output.code, i32::from(!is_accepted), "{line}\n{}{}", output.stdout, output.stderr);
+            count += 1;
+        }
+    }
+    assert_eq!(count, 9);
+}
+
+#[test]
+fn the_examples_of_the_bus_file_s_document() {
+    let document = fs::read_to_string(workspace().join("docs/bus-file.md")).unwrap();
+    let example = |heading: &str| {
+        let section = document.split(&format!("\n## {heading}\n")).nth(1).unwrap();
+        section.split("```toml\n").nth(1).unwrap().split("```").next().unwrap().to_owned()
+    };
+    let bus = folder("examples").join("bus.toml");
+    fs::write(&bus, example("How strict the rules are")).unwrap();
+    let lenient = check(&["--bus", text(&bus), LOST]);
+    assert!(lenient.code == 0 && lenient.stdout.contains("warning  can0 5/05"), "{}", lenient.stdout);
+    // The heartbeat after 170 ms of 100 is none that is late.
+    assert!(lenient.stdout.contains("         at 0.970 s {10}\n"), "{}", lenient.stdout);
+    fs::write(&bus, example("Findings that are known and accepted")).unwrap();
+    let suppressed = check(&["--today", "2026-12-31", "--bus", text(&bus), LOST]);
+    // The finding is about the node as a whole, and not about 1018:01.
+    assert_eq!(suppressed.code, 1);
+    let all = example("Findings that are known and accepted").replace("about =", "# about =");
+    fs::write(&bus, all).unwrap();
+    let suppressed = check(&["--today", "2026-12-31", "--bus", text(&bus), LOST]);
+    assert_eq!(suppressed.code, 0, "{}", suppressed.stdout);
+}
