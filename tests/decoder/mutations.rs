@@ -187,7 +187,9 @@ fn change(dice: &mut Dice, lines: &mut Vec<Line>) {
     match dice.roll(8) {
         0 => drop(lines.drain(place..(place + dice.roll(count / 4 + 1)).min(count))),
         1 => {
-            let by = i64::try_from(dice.roll(4_000_000)).unwrap() - 1_000_000;
+            // A clock that is set leaps over days and years, too.
+            let scale = [1, 1, 1, 1_000, 100_000_000][dice.roll(5)];
+            let by = (i64::try_from(dice.roll(4_000_000)).unwrap() - 1_000_000) * scale;
             lines[place..].iter_mut().for_each(|line| line.time += by);
         }
         2 => {

@@ -6,6 +6,8 @@ use std::sync::Arc;
 
 use super::causes::causes;
 use super::context::{Context, LEDGER, Wake};
+use super::device::{self, DeviceRules};
+use super::interests::Interests;
 use super::ledger::{Ledger, News, What, occurrence};
 use super::meter::Meter;
 use super::setup::Setup;
@@ -14,10 +16,19 @@ use super::{REGISTRY, Rule};
 use crate::event::{Event, EventKind, FrameRange, Protocol};
 use crate::finding::Findings;
 use crate::frame::Frame;
-use crate::query::{KIND_COUNT, KindSet};
+use crate::query::KindSet;
 use crate::session::{Bus, Observer};
 use crate::statistics::Quality;
-use crate::wire::canopen::conformance;
+
+/// Frames from which the step of the stamps is known.
+const STAMPS_JUDGED: u64 = 1_000;
+
+/// Kinds that limit the verdicts.
+const LIMITING: [&str; 4] = ["unreadable", "lost-frames", "clock-step", "bus-silent"];
+
+/// Wakes while time goes on by one step: it may leap over years, and who asks to be woken again and again is woken
+/// at its end then.
+const WAKES_AT_ONCE: usize = 1_000;
 
 /// Judges one capture. A rule sees one bus only: each has rules of its own.
 pub struct Engine {
@@ -27,38 +38,67 @@ pub struct Engine {
     quality: Quality,
     /// News that wait until the stamps are known to be more than a made-up step.
     held: Vec<News>,
-    /// Kinds that may explain findings.
+    /// Kinds that may explain findings or limit the verdicts.
     explaining: KindSet,
     events: u64,
 }
 
 /// The rules of one bus, and what they share.
 struct BusJudge {
-    name: Arc<str>,
     rules: Vec<(u16, Box<dyn Rule>)>,
-    /// Places in `rules` by kind of event.
-    by_kind: [Vec<u16>; KIND_COUNT],
+    interests: Interests,
+    shared: Shared,
+    has_begun: bool,
+}
+
+/// What the rules of one bus share.
+struct Shared {
+    name: Arc<str>,
     traffic: Traffic,
     meter: Meter,
-    has_begun: bool,
     is_tested: bool,
     wakes: BinaryHeap<Wake>,
     now: i64,
     silence: i64,
     has_time: bool,
+    /// Step of the stamps in nanoseconds.
+    granularity: i64,
+}
+
+impl Shared {
+    /// What a rule sees; which rule it is is set for each.
+    #[inline]
+    fn context<'a>(&'a mut self, bus: &'a Bus, ledger: &'a mut Ledger) -> Context<'a> {
+        Context {
+            bus,
+            now: self.now,
+            has_time: self.has_time,
+            traffic: &self.traffic,
+            meter: &self.meter,
+            is_tested: self.is_tested,
+            granularity: self.granularity,
+            silence: self.silence,
+            bus_name: &self.name,
+            rule: 0,
+            place: 0,
+            ledger,
+            wakes: &mut self.wakes,
+        }
+    }
 }
 
 impl Engine {
     /// An engine that has seen nothing.
     pub fn new(setup: Arc<Setup>) -> Self {
         let explaining = KindSet::by_name(|name| causes().explaining().iter().any(|by| by == name));
+        let limiting = KindSet::by_name(|name| LIMITING.contains(&name));
         Self {
             ledger: Ledger::new(Arc::clone(&setup)),
             setup,
             buses: Vec::new(),
             quality: Quality::default(),
             held: Vec::new(),
-            explaining,
+            explaining: explaining.or(limiting),
             events: 0,
         }
     }
@@ -68,7 +108,7 @@ impl Engine {
     pub fn frame(&mut self, frame: &Frame) {
         self.quality.frame(frame);
         if let Some(judge) = self.buses.get_mut(usize::from(frame.bus.0)) {
-            judge.meter.frame(frame);
+            judge.shared.meter.frame(frame);
         }
     }
 
@@ -77,19 +117,22 @@ impl Engine {
     pub fn event(&mut self, event: &Event, bus: &Bus, out: &mut dyn Observer) {
         let index = usize::from(bus.index().0);
         while self.buses.len() <= index {
-            self.buses.push(BusJudge::new(bus, &self.setup, &self.ledger));
+            self.buses.push(BusJudge::new(bus, &self.setup, &mut self.ledger));
         }
         self.events += 1;
         if let EventKind::TestCase(marker) = &event.kind {
             self.ledger.mark(*marker, event.frames.last);
         }
         if let Some(judge) = self.buses.get_mut(index) {
+            if self.quality.frames <= STAMPS_JUDGED {
+                judge.shared.granularity = self.quality.granularity().unwrap_or(0);
+            }
             judge.event(event, bus, &mut self.ledger);
             if self.explaining.contains(&event.kind) {
-                self.ledger.saw(event.kind.name(), bus.index(), judge.now);
+                self.ledger.saw(event.kind.name(), bus.index(), judge.shared.now);
+                self.quality.event(event);
             }
         }
-        self.quality.event(event);
         if !self.ledger.news.is_empty() || !self.held.is_empty() {
             self.tell(bus, self.quality.has_varied(), out);
         }
@@ -184,43 +227,44 @@ fn notes(quality: &Quality) -> Vec<String> {
 }
 
 impl BusJudge {
-    fn new(bus: &Bus, setup: &Setup, ledger: &Ledger) -> Self {
-        let mut judge = Self {
+    fn new(bus: &Bus, setup: &Setup, ledger: &mut Ledger) -> Self {
+        let shared = Shared {
             name: bus.name().into(),
-            rules: Vec::new(),
-            by_kind: std::array::from_fn(|_| Vec::new()),
             traffic: Traffic::default(),
             meter: Meter::new(bus.bit_rate()),
-            has_begun: false,
             is_tested: false,
             wakes: BinaryHeap::new(),
             now: i64::MIN,
             silence: 0,
             has_time: false,
+            granularity: 0,
         };
+        let interests = Interests::default();
+        let mut judge = Self { rules: Vec::new(), interests, shared, has_begun: false };
+        let devices = DeviceRules::new(bus, ledger);
+        let kinds = devices.wanted();
+        judge.add(0, Box::new(devices), |interests, place| interests.kinds(kinds, place));
         for (place, entry) in REGISTRY.iter().enumerate() {
             let is_on = ledger.rules.get(place).is_some_and(|rule| rule.is_on);
             if let (true, Ok(rule)) = (is_on, u16::try_from(place)) {
-                let kinds = KindSet::by_name(|name| entry.declaration.kinds.contains(&name));
-                judge.add(rule, kinds, (entry.make)(setup));
+                judge.add(rule, (entry.make)(setup), |interests, place| {
+                    interests.declared(entry.declaration.kinds, place);
+                });
             }
         }
         for (rule, expectation) in setup.expectations_on(bus.name()) {
             if ledger.rules.get(usize::from(rule)).is_some_and(|info| info.is_on) {
-                judge.add(rule, expectation.kinds(), expectation.make());
+                let kinds = expectation.kinds();
+                judge.add(rule, expectation.make(), |interests, place| interests.kinds(kinds, place));
             }
         }
         judge
     }
 
-    fn add(&mut self, rule: u16, kinds: KindSet, made: Box<dyn Rule>) {
+    fn add(&mut self, rule: u16, made: Box<dyn Rule>, interested: impl Fn(&mut Interests, u16)) {
         let Ok(place) = u16::try_from(self.rules.len()) else { return };
         self.rules.push((rule, made));
-        for kind in kinds.places() {
-            if let Some(list) = self.by_kind.get_mut(kind) {
-                list.push(place);
-            }
-        }
+        interested(&mut self.interests, place);
     }
 
     #[inline]
@@ -229,102 +273,84 @@ impl BusJudge {
             let monotonic = bus.monotonic(stamp);
             if let EventKind::BusSilent { gap } = event.kind {
                 // Deadlines before the bus counted as silent have passed: time goes on from the last of them.
-                let silence = self.silence.saturating_add(gap);
-                self.silence = silence.min(monotonic.saturating_sub(self.now));
+                let silence = self.shared.silence.saturating_add(gap);
+                self.shared.silence = silence.min(monotonic.saturating_sub(self.shared.now));
             }
-            self.has_time = true;
+            self.shared.has_time = true;
             self.pass_time(monotonic, bus, ledger);
         }
         if !std::mem::replace(&mut self.has_begun, true) {
             self.all(bus, ledger, |rule, context| rule.begin(context));
         }
+        if self.shared.meter.take_over() {
+            self.all(bus, ledger, |rule, context| rule.second(context));
+        }
         match &event.kind {
-            EventKind::Pdo(pdo) => self.traffic.saw_pdo(pdo, self.now, event.frames.last),
-            EventKind::Sync { .. } => self.traffic.saw_sync(),
-            EventKind::Frame(frame) if frame.frame.id == conformance::IDENTIFIER => {
-                self.is_tested |= conformance::parse(frame.frame.data()).is_some();
-            }
+            EventKind::Pdo(pdo) => self.shared.traffic.saw_pdo(pdo, self.shared.now, event.frames.last),
+            EventKind::Sync { .. } => self.shared.traffic.saw_sync(),
+            EventKind::TestCase(_) => self.shared.is_tested = true,
             _ => {}
         }
-        let Some(list) = self.by_kind.get(KindSet::place(&event.kind)) else { return };
-        for place in list {
-            let Some((rule, made)) = self.rules.get_mut(usize::from(*place)) else { continue };
-            let mut context = Context {
-                bus,
-                now: self.now,
-                has_time: self.has_time,
-                traffic: &self.traffic,
-                meter: &self.meter,
-                is_tested: self.is_tested,
-                silence: self.silence,
-                bus_name: &self.name,
-                rule: *rule,
-                place: *place,
-                ledger,
-                wakes: &mut self.wakes,
-            };
-            made.event(event, &mut context);
+        let mut context = self.shared.context(bus, ledger);
+        for place in self.interests.of(event) {
+            if let Some((rule, made)) = self.rules.get_mut(usize::from(*place)) {
+                (context.rule, context.place) = (*rule, *place);
+                made.event(event, &mut context);
+            }
+        }
+        if device::attaches(&event.kind) {
+            self.listen();
+        }
+    }
+
+    /// What is asked for by the rules of devices changed: they stand first, and explain others.
+    #[cold]
+    fn listen(&mut self) {
+        if let Some(kinds) = self.rules.first().and_then(|(_, devices)| devices.kinds()) {
+            self.interests.renew(0, kinds);
         }
     }
 
     /// Time goes on to a monotonic time: wakes whoever asked for one before it.
     #[inline]
     fn pass_time(&mut self, monotonic: i64, bus: &Bus, ledger: &mut Ledger) {
-        let now = monotonic.saturating_sub(self.silence).max(self.now);
-        while let Some(Reverse((due, place, token))) = self.wakes.peek().copied()
+        let now = monotonic.saturating_sub(self.shared.silence).max(self.shared.now);
+        let mut left = WAKES_AT_ONCE;
+        while let Some(Reverse((due, place, token))) = self.shared.wakes.peek().copied()
             && due < now
         {
-            self.wakes.pop();
+            self.shared.wakes.pop();
+            left = left.saturating_sub(1);
+            if left == 0 {
+                self.shared.now = now;
+            }
             self.wake((due, place, token), bus, ledger);
         }
-        self.now = now;
+        self.shared.now = now;
     }
 
     #[cold]
     fn wake(&mut self, (due, place, token): (i64, u16, u64), bus: &Bus, ledger: &mut Ledger) {
-        self.now = self.now.max(due);
+        let shared = &mut self.shared;
+        shared.now = shared.now.max(due);
         if place == LEDGER {
-            let at = occurrence(bus.stamp_of(due.saturating_add(self.silence)), last_frame(bus));
+            let at = occurrence(bus.stamp_of(due.saturating_add(shared.silence)), last_frame(bus));
             let again = usize::try_from(token).ok().and_then(|group| ledger.quiet(group, due, at));
-            self.wakes.extend(again.map(|time| Reverse((time, LEDGER, token))));
+            shared.wakes.extend(again.map(|time| Reverse((time, LEDGER, token))));
             return;
         }
         let Some((rule, made)) = self.rules.get_mut(usize::from(place)) else { return };
-        let mut context = Context {
-            bus,
-            now: self.now,
-            has_time: self.has_time,
-            traffic: &self.traffic,
-            meter: &self.meter,
-            is_tested: self.is_tested,
-            silence: self.silence,
-            bus_name: &self.name,
-            rule: *rule,
-            place,
-            ledger,
-            wakes: &mut self.wakes,
-        };
+        let mut context = shared.context(bus, ledger);
+        (context.rule, context.place) = (*rule, place);
         made.wake(token, &mut context);
     }
 
     /// Calls all rules.
     #[cold]
     fn all(&mut self, bus: &Bus, ledger: &mut Ledger, call: fn(&mut dyn Rule, &mut Context<'_>)) {
+        let mut context = self.shared.context(bus, ledger);
         for (place, (rule, made)) in self.rules.iter_mut().enumerate() {
-            let mut context = Context {
-                bus,
-                now: self.now,
-                has_time: self.has_time,
-                traffic: &self.traffic,
-                meter: &self.meter,
-                is_tested: self.is_tested,
-                silence: self.silence,
-                bus_name: &self.name,
-                rule: *rule,
-                place: u16::try_from(place).unwrap_or(LEDGER),
-                ledger,
-                wakes: &mut self.wakes,
-            };
+            (context.rule, context.place) = (*rule, u16::try_from(place).unwrap_or(LEDGER));
             call(&mut **made, &mut context);
         }
     }

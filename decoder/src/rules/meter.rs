@@ -50,11 +50,19 @@ pub struct Meter {
     began: i64,
     time: Option<i64>,
     interval: Option<i64>,
+    /// A second is over since it was asked.
+    is_over: bool,
 }
 
 impl Meter {
     pub(super) fn new(bit_rate: Option<u32>) -> Self {
         Self { bit_rate: bit_rate.filter(|rate| *rate > 0), ..Self::default() }
+    }
+
+    /// Whether a second is over since the last question.
+    #[inline]
+    pub(super) fn take_over(&mut self) -> bool {
+        std::mem::take(&mut self.is_over)
     }
 
     #[inline]
@@ -97,6 +105,7 @@ impl Meter {
         if !is_anew {
             let number = self.last.number + 1;
             self.last = Second { number, ..self.current };
+            self.is_over = true;
             is_busy = self.bit_rate.is_some_and(|rate| self.last.most > u64::from(rate) / 2);
         }
         self.began = time;

@@ -13,9 +13,11 @@ mod causes;
 pub mod conformance;
 mod context;
 mod declaration;
+mod device;
 mod engine;
 mod expectation;
 mod general;
+mod interests;
 mod ledger;
 mod machines;
 mod meter;
@@ -34,6 +36,7 @@ pub use setup::Setup;
 pub use traffic::{PdoSlot, Traffic};
 
 use crate::event::Event;
+use crate::query::KindSet;
 
 /// Judges the events of one bus.
 pub trait Rule {
@@ -43,8 +46,16 @@ pub trait Rule {
     /// An event of one of the kinds it declared.
     fn event(&mut self, event: &Event, context: &mut Context<'_>);
 
+    /// Kinds of events it looks at now, where that changes.
+    fn kinds(&self) -> Option<KindSet> {
+        None
+    }
+
     /// A time it asked for has passed.
     fn wake(&mut self, _token: u64, _context: &mut Context<'_>) {}
+
+    /// A second of the bus is over, as its frames' stamps say: [`Context::meter`] has what was in it.
+    fn second(&mut self, _context: &mut Context<'_>) {}
 
     /// Nothing more comes.
     fn finish(&mut self, _context: &mut Context<'_>) {}

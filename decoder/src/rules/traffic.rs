@@ -10,6 +10,12 @@ use crate::frame::CanId;
 /// Intervals the median is taken of.
 const INTERVALS: usize = 15;
 
+/// Identifiers of 11 bits.
+const STANDARD_IDS: usize = 2048;
+
+/// PDOs between two medians: the usual interval hardly ever changes.
+const PAUSE: u8 = 45;
+
 /// Identifiers kept apart on a bus.
 const SLOT_LIMIT: usize = 4096;
 
@@ -33,6 +39,7 @@ pub struct PdoSlot {
     sync: u64,
     intervals: [i64; INTERVALS],
     filled: usize,
+    pause: u8,
 }
 
 impl PdoSlot {
@@ -43,17 +50,28 @@ impl PdoSlot {
         self.frames = (frame, self.frames.0);
         self.since_sync = if self.sync == sync { self.since_sync.saturating_add(1) } else { 1 };
         self.sync = sync;
+        if self.pause > 0 {
+            self.pause -= 1;
+            return;
+        }
         let Some(interval) = self.interval else { return };
         if let Some(place) = self.intervals.get_mut(self.filled) {
             *place = interval;
             self.filled += 1;
         }
         if self.filled == INTERVALS {
-            let mut sorted = self.intervals;
-            sorted.sort_unstable();
-            self.median = sorted.get(INTERVALS / 2).copied();
-            self.filled = 0;
+            self.learn();
         }
+    }
+}
+
+impl PdoSlot {
+    #[cold]
+    fn learn(&mut self) {
+        self.intervals.sort_unstable();
+        self.median = self.intervals.get(INTERVALS / 2).copied();
+        self.filled = 0;
+        self.pause = PAUSE;
     }
 }
 
@@ -61,7 +79,9 @@ impl PdoSlot {
 #[derive(Debug, Clone, Default)]
 pub struct Traffic {
     slots: Vec<PdoSlot>,
-    places: HashMap<CanId, usize, FixedState>,
+    /// Places of 11-bit identifiers + 1, 0 = none; those of 29 bits.
+    standard: Vec<u16>,
+    extended: HashMap<u32, u16, FixedState>,
     /// SYNC messages seen.
     syncs: u64,
     /// Place of the PDO that is being judged.
@@ -74,24 +94,39 @@ impl Traffic {
     }
 
     /// Takes a PDO; requests are looked up only.
+    #[inline]
     pub(super) fn saw_pdo(&mut self, pdo: &Pdo, now: i64, frame: u64) {
-        let next = self.slots.len();
-        let place = match self.places.get(&pdo.cob_id) {
-            Some(place) => *place,
-            None if next < SLOT_LIMIT => {
-                self.places.insert(pdo.cob_id, next);
-                self.slots.push(PdoSlot { place: next, ..PdoSlot::default() });
-                next
-            }
-            None => {
-                self.current = None;
-                return;
-            }
-        };
-        self.current = Some(place);
-        if let Some(slot) = self.slots.get_mut(place).filter(|_| !pdo.is_request) {
+        self.current = self.place(pdo.cob_id).or_else(|| self.add(pdo.cob_id));
+        let Some(place) = self.current.filter(|_| !pdo.is_request) else { return };
+        if let Some(slot) = self.slots.get_mut(place) {
             slot.take(now, frame, self.syncs);
         }
+    }
+
+    #[inline]
+    fn place(&self, id: CanId) -> Option<usize> {
+        let place = match id {
+            CanId::Standard(id) => self.standard.get(usize::from(id)),
+            CanId::Extended(id) => self.extended.get(&id),
+        };
+        usize::from(*place?).checked_sub(1)
+    }
+
+    #[cold]
+    fn add(&mut self, id: CanId) -> Option<usize> {
+        let place = self.slots.len();
+        let number = u16::try_from(place + 1).ok().filter(|_| place < SLOT_LIMIT)?;
+        match id {
+            CanId::Standard(id) => {
+                self.standard.resize(STANDARD_IDS, 0);
+                *self.standard.get_mut(usize::from(id))? = number;
+            }
+            CanId::Extended(id) => {
+                self.extended.insert(id, number);
+            }
+        }
+        self.slots.push(PdoSlot { place, ..PdoSlot::default() });
+        Some(place)
     }
 
     /// The identifier of the PDO that is being judged.
@@ -101,7 +136,7 @@ impl Traffic {
 
     /// What is known of an identifier.
     pub fn of(&self, id: CanId) -> Option<&PdoSlot> {
-        self.slots.get(*self.places.get(&id)?)
+        self.slots.get(self.place(id)?)
     }
 
     /// SYNC messages seen.

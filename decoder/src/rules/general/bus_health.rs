@@ -41,9 +41,6 @@ declare_rule! {
 /// Frames from which on a share of them says something.
 const JUDGED: u64 = 1_000;
 
-/// How often the last second is looked at: twice in one, so that none is missed.
-const STEP: i64 = 500_000_000;
-
 /// Class bits and controller bits of SocketCAN.
 const CONTROLLER: u32 = 0x004;
 const BUS_OFF: u32 = 0x040;
@@ -55,8 +52,6 @@ pub(super) struct BusHealth {
     share: f64,
     in_second: f64,
     load: (f64, f64),
-    /// The last second that was judged.
-    seen: u64,
     errors: Arc<str>,
     busy: Arc<str>,
     passive: Arc<str>,
@@ -69,7 +64,6 @@ pub(super) fn new(setup: &Setup) -> BusHealth {
         share: of("errors-percent"),
         in_second: of("errors-per-second"),
         load: (of("load-warning-percent"), of("load-error-percent")),
-        seen: 0,
         errors: "error frames".into(),
         busy: "load".into(),
         passive: "error passive".into(),
@@ -98,7 +92,7 @@ impl BusHealth {
         }
     }
 
-    fn second(&self, second: &Second, context: &mut Context<'_>) {
+    fn judge(&self, second: &Second, context: &mut Context<'_>) {
         #[expect(clippy::cast_precision_loss, reason = "frames of a second")]
         let errors = second.errors as f64;
         if errors > self.in_second {
@@ -141,23 +135,17 @@ impl BusHealth {
 }
 
 impl Rule for BusHealth {
-    fn begin(&mut self, context: &mut Context<'_>) {
-        context.wake_at(context.now.saturating_add(STEP), 0);
-    }
-
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         if let EventKind::CanError(error) = event.kind {
             self.controller(event, error, context);
         }
     }
 
-    fn wake(&mut self, _token: u64, context: &mut Context<'_>) {
-        context.wake_at(context.now.saturating_add(STEP), 0);
-        let second = context.meter.last;
+    fn second(&mut self, context: &mut Context<'_>) {
         // Of made-up stamps a second says nothing.
-        if second.number != self.seen && context.meter.has_varied {
-            self.seen = second.number;
-            self.second(&second, context);
+        if context.meter.has_varied {
+            let second = context.meter.last;
+            self.judge(&second, context);
         }
     }
 

@@ -32,7 +32,7 @@ declare_rule! {
     /// # Mutation
     /// drop ten cyclic RPDOs in a row
     "command-gap", Error, "a stream of commands pauses",
-    kinds: ["pdo", "j1939-message", "message-gap", "nmt-command", "sdo-transfer"],
+    kinds: ["rpdo", "j1939-message", "message-gap", "nmt-command", "sdo-transfer"],
     is_timing: true,
     word: "GAP",
     tolerances: &[

@@ -26,7 +26,7 @@ declare_rule! {
     /// # Mutation
     /// send the RPDO three times between two SYNCs
     "commands-per-sync", Warning, "several commands come between two SYNCs, of which one acts",
-    kinds: ["pdo", "sync", "node-identified"],
+    kinds: ["rpdo", "sync", "node-identified"],
     word: "SYNC",
     tolerances: &[
         tolerance("note-count", 1.0, "", "RPDOs of one identifier between two SYNCs, more are a note"),

@@ -25,7 +25,7 @@ declare_rule! {
     /// # Mutation
     /// cut the last byte of an RPDO
     "emcy-missing", Note, "an EMCY that should have come did not",
-    kinds: ["pdo", "emcy", "boot-up"],
+    kinds: ["rpdo", "emcy", "boot-up"],
     cases: &["5.4", "7.6", "7.106", "7.107"],
     is_on: false,
     word: "EMCY",

@@ -25,7 +25,7 @@ declare_rule! {
     /// # Mutation
     /// send the control word with the reset bit from before the fault on
     "fault-reset-without-edge", Warning, "the reset bit is held, so the fault is never reset",
-    kinds: ["pdo", "device-state", "emcy", "boot-up"],
+    kinds: ["rpdo", "device-state", "emcy", "boot-up"],
     word: "STUCK",
     tolerances: &[
         tolerance("messages", 3.0, "", "control words in a row with the bit set"),

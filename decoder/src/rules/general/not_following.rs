@@ -29,7 +29,7 @@ declare_rule! {
     /// # Mutation
     /// set the measured value in a TPDO to 0
     "not-following", Warning, "a measured value does not follow its set point",
-    kinds: ["pdo", "set-point", "boot-up", "mode"],
+    kinds: ["tpdo", "set-point", "boot-up", "mode"],
     is_timing: true,
     word: "FOLLOW",
     tolerances: &[

@@ -27,7 +27,7 @@ declare_rule! {
     /// # Mutation
     /// clear the enable bit of the control word while the set point stays
     "setpoint-not-effective", Warning, "a set point is sent and does not act",
-    kinds: ["set-point", "boot-up"],
+    kinds: ["set-point", "procedure", "boot-up"],
     is_timing: true,
     word: "SETPT",
     tolerances: &[tolerance("time-ms", 500.0, "ms", "for which a set point may be without effect")],
@@ -35,6 +35,9 @@ declare_rule! {
 
 /// Set points remembered on a bus; further ones are not judged.
 const POINT_LIMIT: usize = 4096;
+
+/// Last step of a procedure.
+const FINISHED: &str = "finished";
 
 /// What is known of one set point.
 struct Point {
@@ -100,6 +103,18 @@ impl SetpointNotEffective {
     }
 }
 
+impl SetpointNotEffective {
+    /// The device is its controller's again: what is without effect now has its time from here on.
+    fn begin_anew(&mut self, node: NodeId, context: &mut Context<'_>) {
+        for (place, point) in self.points.iter_mut().enumerate().filter(|(_, point)| point.node == node) {
+            if let Some(since) = &mut point.since {
+                *since = context.now;
+                context.wake_at(context.now.saturating_add(self.time), place as u64);
+            }
+        }
+    }
+}
+
 impl Point {
     /// It acts, is 0, or nothing is sure.
     fn acts(&mut self, context: &mut Context<'_>) {
@@ -159,6 +174,9 @@ impl Rule for SetpointNotEffective {
                 for point in self.points.iter_mut().filter(|point| point.node == node) {
                     point.acts(context);
                 }
+            }
+            EventKind::Procedure(told) if told.takes_over && told.step == FINISHED => {
+                self.begin_anew(node, context);
             }
             _ => {}
         }

@@ -25,7 +25,7 @@ declare_rule! {
     /// # Mutation
     /// insert a heartbeat between a reset and the boot-up
     "traffic-before-boot", Note, "a node sends before its boot-up message",
-    kinds: ["nmt-command", "boot-up", "heartbeat", "guard-reply", "emcy", "pdo"],
+    kinds: ["nmt-command", "boot-up", "heartbeat", "guard-reply", "emcy", "tpdo"],
     word: "BOOT",
     tolerances: &[tolerance("queued-ms", 100.0, "ms", "from the reset, in which queued frames still come")],
 }

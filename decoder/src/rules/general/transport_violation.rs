@@ -87,7 +87,7 @@ impl TransportViolation {
                 let missing = transfer.missing;
                 let alarm = context.fail(event).about(about(transfer.pgn));
                 let of = transfer.packets.map_or_else(String::new, |packets| format!(" of {packets}"));
-                alarm.say(|| format!("{missing} packets{of} are missing"));
+                alarm.say(|| format!("packets missing: {missing}{of}"));
             }
             Outcome::Superseded => {
                 let alarm = context.fail(event).about(about(transfer.pgn)).severity(Severity::Warning);
@@ -115,7 +115,7 @@ impl TransportViolation {
                 format!("{destination:02X} does not answer: {timer} passed before the first packet")
             }
             (_, 0) => format!("all packets came and {destination:02X} does not acknowledge: {timer} passed"),
-            _ => format!("{timer} passed, {missing} packets are missing"),
+            _ => format!("{timer} passed, packets missing: {missing}"),
         });
     }
 

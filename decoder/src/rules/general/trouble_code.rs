@@ -41,22 +41,16 @@ pub(super) fn new(_setup: &Setup) -> TroubleCode {
     TroubleCode::default()
 }
 
-/// SPN and FMI in words.
+/// What the code means.
 fn words(dtc: &Dtc, event: &Event, context: &Context<'_>) -> String {
-    let mut text = format!("SPN {} FMI {}", dtc.spn, dtc.fmi);
     let own = record::device(event, context.bus).dtc(dtc.spn, dtc.fmi);
-    let parameter = context.bus.parameter(dtc.spn);
+    let parameter = context.bus.parameter(dtc.spn).map_or(String::new(), |known| format!("{}: ", known.name));
     let mode = profile::failure_modes().find(u32::from(dtc.fmi));
-    if let Some(own) = own {
-        let _ = write!(text, " {}", own.text);
-    } else {
-        if let Some(parameter) = parameter {
-            let _ = write!(text, " {}", parameter.name);
-        }
-        if let Some(mode) = mode {
-            let _ = write!(text, ": {}", mode.text);
-        }
-    }
+    let mut text = match (own, mode) {
+        (Some(own), _) => format!("fault in DM1: {}", own.text),
+        (None, Some(mode)) => format!("fault in DM1: {parameter}{}", mode.text),
+        (None, None) => format!("fault in DM1: {parameter}SPN {} FMI {}", dtc.spn, dtc.fmi),
+    };
     if !dtc.lamps.is_empty() {
         let _ = write!(text, "; lamps {}", dtc.lamps.join(" "));
     }

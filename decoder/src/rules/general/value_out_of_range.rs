@@ -27,7 +27,7 @@ declare_rule! {
     /// # Mutation
     /// set the first set point of an RPDO to its largest raw number
     "value-out-of-range", Warning, "a value lies outside what the manual permits",
-    kinds: ["pdo", "sdo-transfer"],
+    kinds: ["pdo-changed", "sdo-transfer"],
     word: "RANGE",
 }
 

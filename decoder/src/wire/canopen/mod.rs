@@ -1,7 +1,6 @@
 //! Messages of CiA 301 and CiA 305, one service a file.
 
 mod address;
-pub mod conformance;
 pub mod emcy;
 pub mod error_control;
 pub mod lss;

@@ -1,0 +1,131 @@
+//! Which rules look at an event: a list a kind, and for PDOs, of which most events are made, a list a class.
+
+use crate::event::{Event, EventKind, Pdo};
+use crate::profile::PdoDirection;
+use crate::query::{KIND_COUNT, KindSet};
+
+/// Classes of PDOs: sent or received by the node, request or data, changed or as before.
+const PDO_CLASSES: usize = 8;
+
+const RECEIVED: usize = 1;
+const REQUEST: usize = 2;
+const ROUTINE: usize = 4;
+
+/// Words for some PDOs among the kinds that a rule declares.
+const PDO_WORDS: [(&str, fn(usize) -> bool); 5] = [
+    ("pdo", |_| true),
+    ("tpdo", |class| class & (RECEIVED | REQUEST) == 0),
+    ("rpdo", |class| class & (RECEIVED | REQUEST) == RECEIVED),
+    ("pdo-changed", |class| class & (REQUEST | ROUTINE) == 0),
+    ("pdo-request", |class| class & REQUEST != 0),
+];
+
+/// Places of rules by what they look at.
+#[derive(Debug)]
+pub(super) struct Interests {
+    by_kind: [Vec<u16>; KIND_COUNT],
+    pdo: [Vec<u16>; PDO_CLASSES],
+}
+
+impl Default for Interests {
+    fn default() -> Self {
+        Self { by_kind: std::array::from_fn(|_| Vec::new()), pdo: std::array::from_fn(|_| Vec::new()) }
+    }
+}
+
+impl Interests {
+    /// A rule looks at the kinds it declares, and at the PDOs its words mean.
+    pub(super) fn declared(&mut self, words: &[&str], place: u16) {
+        let kinds = KindSet::by_name(|name| name != "pdo" && words.contains(&name));
+        self.kinds(kinds, place);
+        let wanted: Vec<_> = PDO_WORDS.iter().filter(|(word, _)| words.contains(word)).collect();
+        for (class, list) in self.pdo.iter_mut().enumerate() {
+            if wanted.iter().any(|(_, means)| means(class)) {
+                list.push(place);
+            }
+        }
+    }
+
+    /// A rule looks at all events of these kinds.
+    pub(super) fn kinds(&mut self, kinds: KindSet, place: u16) {
+        for kind in kinds.places() {
+            if let Some(list) = self.by_kind.get_mut(kind) {
+                list.push(place);
+            }
+        }
+        if kinds.contains_name("pdo") {
+            self.pdo.iter_mut().for_each(|list| list.push(place));
+        }
+    }
+
+    /// What a rule looks at changed. It stands first in every list, as it explains others.
+    pub(super) fn renew(&mut self, place: u16, kinds: KindSet) {
+        for list in self.by_kind.iter_mut().chain(&mut self.pdo) {
+            list.retain(|other| *other != place);
+        }
+        let others = std::mem::take(self);
+        self.kinds(kinds, place);
+        let lists = self.by_kind.iter_mut().chain(&mut self.pdo);
+        for (list, others) in lists.zip(others.by_kind.into_iter().chain(others.pdo)) {
+            list.extend(others);
+        }
+    }
+
+    /// Who looks at an event, in the order of the rules.
+    #[inline]
+    pub(super) fn of(&self, event: &Event) -> &[u16] {
+        let list = match &event.kind {
+            EventKind::Pdo(pdo) => self.pdo.get(class(event, pdo)),
+            kind => self.by_kind.get(KindSet::place(kind)),
+        };
+        list.map_or(&[], Vec::as_slice)
+    }
+}
+
+#[inline]
+fn class(event: &Event, pdo: &Pdo) -> usize {
+    let mut class = 0;
+    if pdo.name.direction == PdoDirection::Receive {
+        class |= RECEIVED;
+    }
+    if pdo.is_request {
+        class |= REQUEST;
+    }
+    if event.routine {
+        class |= ROUTINE;
+    }
+    class
+}
+
+/// Whether a rule may declare this word.
+#[cfg(test)]
+pub(super) fn is_known(word: &str) -> bool {
+    KindSet::ALL.contains_name(word) || PDO_WORDS.iter().any(|(known, _)| *known == word)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rules::declarations;
+
+    #[test]
+    fn rules_declare_kinds_there_are() {
+        for rule in declarations() {
+            for word in rule.kinds {
+                assert!(is_known(word), "{}: {word}", rule.name);
+            }
+        }
+    }
+
+    #[test]
+    fn words_mean_classes() {
+        let mut interests = Interests::default();
+        interests.declared(&["rpdo", "sync"], 1);
+        interests.declared(&["pdo-changed"], 2);
+        interests.declared(&["pdo-request", "tpdo"], 3);
+        let lists: Vec<_> = interests.pdo.iter().map(Vec::as_slice).collect();
+        let wanted: [&[u16]; 8] = [&[2, 3], &[1, 2], &[3], &[3], &[3], &[1], &[3], &[3]];
+        assert_eq!(lists, wanted);
+        assert_eq!(interests.by_kind.iter().flatten().count(), 1);
+    }
+}
