@@ -136,7 +136,7 @@ impl Page<'_> {
             self.below(depth, &note);
         }
         if absorbed > 0 {
-            self.below(depth, &format!("{} of other rules say the same", plural(absorbed, "finding")));
+            self.below(depth, &format!("stands for {} of other rules too", plural(absorbed, "finding")));
         }
         if self.options.verbose {
             self.occurrences(depth, group, judged);
