@@ -93,8 +93,11 @@ impl<'a> Context<'a> {
     }
 
     /// Asks to be woken when time has passed `time`, in the clock of [`Context::now`].
+    /// Nobody is woken for what began before the first time was known: how long ago that is, nobody knows.
     pub fn wake_at(&mut self, time: i64, token: u64) {
-        self.wakes.push(Reverse((time, self.place, token)));
+        if self.has_time {
+            self.wakes.push(Reverse((time, self.place, token)));
+        }
     }
 
     /// The event's node.

@@ -26,6 +26,10 @@ const STAMPS_JUDGED: u64 = 1_000;
 /// Kinds that limit the verdicts.
 const LIMITING: [&str; 4] = ["unreadable", "lost-frames", "clock-step", "bus-silent"];
 
+/// Wakes while time goes on by one step: it may leap over years, and who asks to be woken again and again is woken
+/// at its end then.
+const WAKES_AT_ONCE: usize = 1_000;
+
 /// Judges one capture. A rule sees one bus only: each has rules of its own.
 pub struct Engine {
     setup: Arc<Setup>,
@@ -311,10 +315,15 @@ impl BusJudge {
     #[inline]
     fn pass_time(&mut self, monotonic: i64, bus: &Bus, ledger: &mut Ledger) {
         let now = monotonic.saturating_sub(self.shared.silence).max(self.shared.now);
+        let mut left = WAKES_AT_ONCE;
         while let Some(Reverse((due, place, token))) = self.shared.wakes.peek().copied()
             && due < now
         {
             self.shared.wakes.pop();
+            left = left.saturating_sub(1);
+            if left == 0 {
+                self.shared.now = now;
+            }
             self.wake((due, place, token), bus, ledger);
         }
         self.shared.now = now;
