@@ -62,6 +62,8 @@ pub(super) struct Course {
     /// How many came, and the first of them.
     pub(super) count: u32,
     pub(super) first: u64,
+    /// When the counted stretch began, if that was seen.
+    pub(super) since: Option<i64>,
     /// The counted stretch has a beginning.
     pub(super) is_counting: bool,
     /// Whether what must come first did; `None` while that is not known.
@@ -113,7 +115,7 @@ impl Attached {
         for (course, rule) in self.courses.iter_mut().zip(&self.plan.device.rules) {
             if matches!(rule.kind, RuleKind::MinInterval | RuleKind::MaxInterval | RuleKind::MaxCount) {
                 course.recent.clear();
-                (course.last, course.count, course.is_counting) = (None, 0, false);
+                (course.last, course.since, course.count, course.is_counting) = (None, None, 0, false);
             }
         }
     }

@@ -12,6 +12,9 @@ use crate::rules::Context;
 /// Longest row of times remembered; a rule that counts more is judged by the last ones.
 const ROW_LIMIT: usize = 1024;
 
+/// SYNCs further apart have stopped, in nanoseconds.
+const ALIVE: i64 = 1_000_000_000;
+
 /// At most `count` of `on` come.
 pub(super) fn max_count(
     case: &Case<'_>,
@@ -45,7 +48,10 @@ fn per_sync(case: &Case<'_>, course: &mut Course, happening: &Happening<'_>, con
         return;
     }
     let count = std::mem::take(&mut course.count);
-    let was_counting = std::mem::replace(&mut course.is_counting, true);
+    let before = course.since.replace(context.now);
+    // SYNCs far apart have stopped: that is another matter.
+    let is_alive = before.is_some_and(|before| context.now.saturating_sub(before) <= ALIVE);
+    let was_counting = std::mem::replace(&mut course.is_counting, true) && is_alive;
     let most = most(case);
     if count == 0 || !was_counting {
         return;

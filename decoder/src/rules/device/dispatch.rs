@@ -7,7 +7,7 @@ use super::happening::{Came, Happening, Lss};
 use super::judge::{self, Case};
 use super::plan::triggers;
 use super::{DeviceRules, Scene, frames};
-use crate::event::{DtcAction, Event, EventKind, FrameRange, Outcome, SdoTransfer};
+use crate::event::{DtcAction, Event, EventKind, FrameRange, MessageGap, Outcome, SdoTransfer};
 use crate::frame::CanId;
 use crate::profile::device::{DeviceRule, Per, RuleKind, Stretch, Trigger};
 use crate::profile::{PdoName, integer, lss};
@@ -225,6 +225,7 @@ impl Judged<'_> {
                 self.own.changed(state.channel, context.now);
                 self.happen(&Happening::State(state.channel, &state.to), now, context);
             }
+            EventKind::MessageGap(gap) if gap.came_again => self.came_late(gap, now, context),
             EventKind::Dtc(dtc) if matches!(dtc.action, DtcAction::Raised | DtcAction::Recurred) => {
                 self.happen(&Happening::Dtc(dtc.spn, dtc.fmi), now, context);
             }
@@ -232,6 +233,19 @@ impl Judged<'_> {
         }
         self.look_again(now, context);
         self.heard(context);
+    }
+
+    /// A message came again: its event follows, but others judge the gap already.
+    fn came_late(&mut self, gap: &MessageGap, now: Now<'_>, context: &mut Context<'_>) {
+        let device = Arc::clone(&self.own.plan.device);
+        let address = self.id.number();
+        let Some(spec) = device.messages.iter().find(|spec| spec.concerns(gap.pgn, address)) else { return };
+        let late = Happening::Message(&spec.name, gap.pgn);
+        for number in self.numbers(|rule| rule.kind == RuleKind::MaxInterval && concerns(rule, &late)) {
+            self.one(number, now, context, &mut |case, course, context| {
+                judge::happened(case, course, &late, context);
+            });
+        }
     }
 
     /// A reset ends what was measured; whether it brings a boot-up depends on the device.

@@ -60,9 +60,10 @@ impl Plan {
         plan.pdos.dedup();
         let on =
             |is_needed: fn(&str) -> bool| KindSet::by_name(|name| names.contains(&name) && is_needed(name));
-        let is_of_canopen = |name: &str| !matches!(name, "j1939-message" | "dtc");
+        let is_of_canopen = |name: &str| !matches!(name, "j1939-message" | "message-gap" | "dtc");
         let is_of_j1939 = |name: &str| {
-            matches!(name, "j1939-message" | "dtc" | "bus-silent" | "device-state" | "lost-frames")
+            let own = ["j1939-message", "message-gap", "dtc", "bus-silent", "device-state", "lost-frames"];
+            own.contains(&name)
         };
         plan.kinds = (on(is_of_canopen), on(is_of_j1939));
         plan
@@ -172,7 +173,7 @@ fn kinds_of(trigger: &Trigger) -> &'static [&'static str] {
         Trigger::Write(..) | Trigger::Read(..) | Trigger::Writes(_) => &["sdo-transfer"],
         Trigger::Bit(..) | Trigger::Set(_) => &VALUES,
         Trigger::Pdo(_) => &["pdo"],
-        Trigger::Message(_) => &["j1939-message"],
+        Trigger::Message(_) => &["j1939-message", "message-gap"],
         Trigger::Dtc(_) => &["dtc"],
         Trigger::Nmt(_) => &["nmt-command"],
         Trigger::State(_) => &["device-state"],
