@@ -5,8 +5,9 @@ use crate::event::{Direction, Event, EventKind, SdoTransfer};
 use crate::finding::About;
 use crate::frame::CanId;
 use crate::rules::declaration::declare_rule;
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::{Context, NodeMap, Rule, Setup};
 use crate::wire::NodeId;
+use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
     /// # What it checks
@@ -25,15 +26,21 @@ declare_rule! {
     /// # Mutation
     /// change the identifier in the answer to an upload of 1200:01
     "cob-id-mismatch", Warning, "a service uses another identifier than its object says",
-    kinds: ["sdo-transfer", "emcy"],
+    kinds: ["sdo-transfer", "emcy", "node-id-change"],
     cases: &["2.12", "5.1", "6.1", "7.4"],
     word: "COBID",
 }
 
-pub(super) struct CobIdMismatch;
+const EMCY_ID: ObjectAddress = ObjectAddress::new(0x1014, 0);
+
+#[derive(Default)]
+pub(super) struct CobIdMismatch {
+    /// Frame in which a node took another node-ID: what was read before need not hold.
+    moved: NodeMap<u64>,
+}
 
 pub(super) fn new(_setup: &Setup) -> CobIdMismatch {
-    CobIdMismatch
+    CobIdMismatch::default()
 }
 
 impl CobIdMismatch {
@@ -58,27 +65,35 @@ impl CobIdMismatch {
             alarm.say(|| format!("says {cob_id:X}h, the server is asked and answers with {used} in use"));
         }
     }
+
+    fn emcy(&self, event: &Event, used: CanId, context: &mut Context<'_>) {
+        let Some(node) = context.node(event) else { return };
+        let is_old = |frame: u64| self.moved.get(node.id()).is_some_and(|moved| frame < *moved);
+        let known = node.store().seen(EMCY_ID).filter(|entry| !is_old(entry.origin.frame));
+        let Some(cob_id) = known.and_then(|_| sure(node, EMCY_ID.index, EMCY_ID.sub)) else {
+            let default = CanId::standard(0x80 + u16::from(node.id().number()));
+            if used == default {
+                context.pass();
+            }
+            return;
+        };
+        if identifier(cob_id) == Some(used) {
+            return context.pass();
+        }
+        let alarm = context.fail(event).about(About::Id(used));
+        alarm.say(|| format!("EMCY on {used}; 1014 says {cob_id:X}h"));
+    }
 }
 
 impl Rule for CobIdMismatch {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {
             EventKind::SdoTransfer(transfer) => Self::server(event, transfer, context),
-            EventKind::Emcy(emergency) => {
-                let used = emergency.cob_id;
-                let Some(node) = context.node(event) else { return };
-                let Some(cob_id) = sure(node, 0x1014, 0) else {
-                    let default = CanId::standard(0x80 + u16::from(node.id().number()));
-                    if used == default {
-                        context.pass();
-                    }
-                    return;
-                };
-                if identifier(cob_id) == Some(used) {
-                    return context.pass();
+            EventKind::Emcy(emergency) => self.emcy(event, emergency.cob_id, context),
+            EventKind::NodeIdChange { .. } => {
+                if let Some(moved) = event.node.and_then(|node| self.moved.entry(node)) {
+                    *moved = event.frames.last;
                 }
-                let alarm = context.fail(event).about(About::Id(used));
-                alarm.say(|| format!("EMCY on {used}; 1014 says {cob_id:X}h"));
             }
             _ => {}
         }

@@ -7,7 +7,7 @@ use crate::rules::{Context, NodeSet, Rule, Setup};
 declare_rule! {
     /// # What it checks
     /// The toggle bit of a node's answers to guarding alternates. Heartbeats that happen to come behind a request
-    /// are none.
+    /// are none, and answers between which heartbeats come are not judged: one may have been taken for the other.
     ///
     /// # Why it matters
     /// It is how the master knows that an answer is a new one: else a controller that repeats its last frame passes
@@ -33,6 +33,8 @@ pub(super) struct GuardToggle {
     toggling: NodeSet,
     /// Nodes that send heartbeats.
     beating: NodeSet,
+    /// Nodes that sent one since their last answer.
+    between: NodeSet,
 }
 
 pub(super) fn new(_setup: &Setup) -> GuardToggle {
@@ -45,16 +47,19 @@ impl Rule for GuardToggle {
         match &event.kind {
             EventKind::Heartbeat { .. } => {
                 self.beating.insert(node);
+                self.between.insert(node);
             }
             EventKind::BootUp { .. } => {
                 self.beating.remove(node);
                 self.toggling.remove(node);
+                self.between.remove(node);
             }
             EventKind::GuardReply { toggle, toggle_error, .. } => {
                 if *toggle {
                     self.toggling.insert(node);
                 }
-                let is_guarded = self.toggling.contains(node) || !self.beating.contains(node);
+                let is_apart = !self.between.remove(node);
+                let is_guarded = is_apart && self.toggling.contains(node) || !self.beating.contains(node);
                 if !toggle_error {
                     context.pass();
                 } else if is_guarded {
