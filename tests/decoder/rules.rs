@@ -1,5 +1,5 @@
 //! Rules on annotated captures: `fixtures/rules/<rule>.log` holds a rule to what is marked in it, and no other
-//! finding may come.
+//! finding may come. Those of devices, `fixtures/rules/devices/<profile>.<topic>.log`, hold several each.
 //!
 //! ```text
 //! #! --node 5=wandfluh-md2:amplifier     what is known beside the capture; --protocol canopen; --dbc dbc/signals.dbc
@@ -11,7 +11,7 @@
 
 #![expect(clippy::panic, reason = "a test that cannot go on has failed")]
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -33,11 +33,11 @@ use crate::support::workspace;
 pub struct Annotated {
     /// Name of its file.
     pub name: String,
-    /// Its lines.
+    /// Its frames alone.
     pub frames: String,
     /// What is known beside it.
     pub options: SessionOptions,
-    /// What its bus file says of rules.
+    /// How it is judged.
     pub setup: Setup,
     /// Number of the frame above, whether it closes, rule, keys.
     marks: Vec<(u64, bool, String, BTreeMap<String, String>)>,
@@ -194,7 +194,9 @@ fn compare(capture: &Annotated, report: &mut String) {
 
 /// All of them.
 pub fn captures() -> Vec<PathBuf> {
-    let mut all: Vec<_> = fs::read_dir(folder()).unwrap().map(|entry| entry.unwrap().path()).collect();
+    let folders = [folder(), folder().join("devices")];
+    let entries = folders.iter().flat_map(|folder| fs::read_dir(folder).unwrap());
+    let mut all: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
     all.retain(|path| path.extension().is_some_and(|extension| extension == "log"));
     all.sort();
     all
@@ -228,6 +230,48 @@ fn every_rule_has_a_fixture_in_which_it_fires_and_others_in_which_it_is_silent()
                     writeln!(report, "{}: the rule never passes", own.name).unwrap();
                 }
             }
+        }
+    }
+    assert!(report.is_empty(), "\n{report}");
+}
+
+/// Rules of the bundled devices, by the names they have in output.
+fn device_rules() -> BTreeSet<String> {
+    let catalogue = Catalogue::default();
+    let mut names = BTreeSet::new();
+    for id in catalogue.ids() {
+        let device = catalogue.device(&id).unwrap();
+        let variants = device.variants.iter().map(|variant| format!("{id}:{}", variant.id));
+        let all = variants.map(|variant| catalogue.device(&variant).unwrap()).chain([Arc::clone(&device)]);
+        names.extend(
+            all.flat_map(|it| it.rules.iter().map(|rule| format!("{id}:{}", rule.name)).collect::<Vec<_>>()),
+        );
+    }
+    names
+}
+
+#[test]
+fn every_rule_of_a_device_fires_somewhere_and_passes_somewhere() {
+    let (mut fired, mut passed) = (BTreeSet::new(), BTreeSet::new());
+    for path in captures().iter().filter(|path| path.parent().unwrap().ends_with("devices")) {
+        let capture = read(path);
+        let (_, findings) = judge(&capture.frames, &capture.options, capture.setup.clone());
+        for (rule, tally) in findings.rules.iter().zip(&findings.tallies) {
+            if tally.failed > 0 {
+                fired.insert(rule.name.to_string());
+            }
+            if tally.passed > 0 {
+                passed.insert(rule.name.to_string());
+            }
+        }
+    }
+    let mut report = String::new();
+    for name in device_rules() {
+        if !fired.contains(&name) {
+            writeln!(report, "{name} does not fire").unwrap();
+        }
+        if !passed.contains(&name) {
+            writeln!(report, "{name} never passes").unwrap();
         }
     }
     assert!(report.is_empty(), "\n{report}");

@@ -134,3 +134,32 @@ fn a_bus_the_capture_does_not_have_is_said() {
         output.stderr
     );
 }
+
+/// The blocks of the section «Expectations»: a bus file, a command, what it says.
+#[test]
+fn the_expectations_of_the_manual_are_judged_as_it_says() {
+    let manual = fs::read_to_string(workspace().join("docs/bus-file.md")).unwrap();
+    let section = manual.split("## Expectations").nth(1).unwrap();
+    let text = section.split("```toml\n").nth(1).unwrap().split("```").next().unwrap();
+    let said = section.split("```\n").find(|block| block.starts_with("error ")).unwrap();
+    let path = file("expectations.toml", text);
+    let output = run(&["check", "--bus", path.to_str().unwrap(), "fixtures/devices/sydfec.log"], "");
+    assert_eq!(output.code, 1, "{}", output.stderr);
+    for line in said.lines() {
+        assert!(output.stdout.lines().any(|printed| printed == line), "{line}\n{}", output.stdout);
+    }
+}
+
+#[test]
+fn an_expectation_that_is_none_gives_4_and_the_place_in_it() {
+    let text = "[[expect]]\nid = \"x\"\nkind = \"never\"\nwhen = 'kind == pdo && nod == 5'\nreason = \"r\"\n";
+    let path = file("expect.toml", text);
+    let name = path.to_str().unwrap();
+    let output = run(&["check", "--bus", name, "fixtures/canopen/emcy.log"], "");
+    assert_eq!((output.code, output.stdout.as_str()), (4, ""));
+    let expected = format!(
+        "cobscope: {name}:4:24: there is no field 'nod'; did you mean node?\n  \
+         4 | when = 'kind == pdo && nod == 5'\n    |                        ^^^\n"
+    );
+    assert_eq!(output.stderr, expected);
+}

@@ -11,7 +11,7 @@ use crate::support::workspace;
 
 const LOST: &str = "fixtures/rules/node-lost.log";
 const EMCY: &str = "fixtures/rules/emcy-raised.log";
-const CLEAN: &str = "fixtures/canopen/time_stamp.log";
+const CLEAN: &str = "fixtures/rules/clean/canopen.log";
 
 /// Captures of the recipe in `docs/ci.md`.
 pub const RECIPE: [&str; 3] = ["fixtures/canopen", "fixtures/j1939", "fixtures/uds"];
@@ -444,7 +444,7 @@ fn sarif_holds_what_code_scanning_shows() {
 fn junit_has_a_suite_a_capture_and_a_case_a_rule() {
     let output = check(&["-f", "junit", LOST, CLEAN]).stdout;
     assert!(output.contains("<testsuite name=\"fixtures/rules/node-lost.log\""), "{output}");
-    let (lost, clean) = output.split_once("<testsuite name=\"fixtures/canopen/time_stamp.log\"").unwrap();
+    let (lost, clean) = output.split_once("<testsuite name=\"fixtures/rules/clean/canopen.log\"").unwrap();
     assert!(lost.contains("<failure message=\"can0 5/05  silent since {10}"), "{lost}");
     assert!(lost.contains("    fixtures/rules/node-lost.log:10</failure>"), "{lost}");
     assert!(

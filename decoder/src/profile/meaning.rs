@@ -106,6 +106,11 @@ impl Meaning {
         }
     }
 
+    /// A number as a value of its type.
+    pub fn number(&self, raw: i64) -> Value {
+        self.data_type.map_or(Value::Integer(raw), |data_type| data_type.number(raw.cast_unsigned()))
+    }
+
     /// The scaled quantity; `None` without scale, and for special values and texts.
     pub fn scaled(&self, value: &Value) -> Option<f64> {
         let scale = self.scale?;

@@ -9,6 +9,7 @@ use super::meter::Meter;
 use super::traffic::Traffic;
 use crate::event::{Certainty, Event, FrameRange};
 use crate::finding::{About, Key, Occurrence, Severity};
+use crate::profile::device::Waiver;
 use crate::session::{Bus, Node};
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
@@ -27,6 +28,8 @@ pub struct Context<'a> {
     pub now: i64,
     /// Whether the capture has times.
     pub has_time: bool,
+    /// Step of the capture's stamps, in nanoseconds, as far as they tell.
+    pub granularity: i64,
     /// PDOs by identifier.
     pub traffic: &'a Traffic,
     /// Frames in all.
@@ -90,8 +93,11 @@ impl<'a> Context<'a> {
     }
 
     /// Asks to be woken when time has passed `time`, in the clock of [`Context::now`].
+    /// Nobody is woken for what began before the first time was known: how long ago that is, nobody knows.
     pub fn wake_at(&mut self, time: i64, token: u64) {
-        self.wakes.push(Reverse((time, self.place, token)));
+        if self.has_time {
+            self.wakes.push(Reverse((time, self.place, token)));
+        }
     }
 
     /// The event's node.
@@ -102,14 +108,26 @@ impl<'a> Context<'a> {
     /// The NMT state of a node where it is sure and not only just commanded or changed: within 20 ms frames may
     /// still be queued.
     pub fn confirmed_state(&self, node: NodeId) -> Option<NmtState> {
-        let status = self.bus.node(node)?.nmt()?;
-        let settled = self.bus.now().saturating_sub(status.since()) > SETTLING;
-        (status.certainty == Certainty::Confirmed && settled).then_some(status.state)
+        confirmed_state(self.bus, node)
     }
 }
 
+/// The NMT state of a node where it is sure and not only just commanded or changed.
+pub(super) fn confirmed_state(bus: &Bus, node: NodeId) -> Option<NmtState> {
+    let status = bus.node(node)?.nmt()?;
+    let settled = bus.now().saturating_sub(status.since()) > SETTLING;
+    (status.certainty == Certainty::Confirmed && settled).then_some(status.state)
+}
+
+/// Whether a device need not obey a rule where it is about this.
+fn waives(waiver: &Waiver, rule: &str, about: &About) -> bool {
+    let covers = |object| waiver.objects.iter().any(|range| range.covers(object, 0, 0));
+    waiver.rule == rule
+        && (waiver.objects.is_empty() || matches!(about, About::Object(object) if covers(*object)))
+}
+
 /// Frames that were queued when a state changed come within this time, in nanoseconds.
-const SETTLING: i64 = 20_000_000;
+pub(super) const SETTLING: i64 = 20_000_000;
 
 /// A finding that is about to be told.
 #[must_use = "nothing is told before say"]
@@ -162,15 +180,15 @@ impl<'b, 'a> Alarm<'b, 'a> {
         self
     }
 
-    /// Its protocol is presumed only, or is not.
-    pub fn presumed(mut self, is_presumed: bool) -> Self {
-        self.is_presumed = is_presumed;
-        self
-    }
-
     /// Other frames than the event's.
     pub fn frames(mut self, frames: FrameRange) -> Self {
         self.at.frames = frames;
+        self
+    }
+
+    /// Its protocol is presumed only, or is not: as it was when what shows it came.
+    pub fn presumed(mut self, is_presumed: bool) -> Self {
+        self.is_presumed = is_presumed;
         self
     }
 
@@ -192,7 +210,7 @@ impl<'b, 'a> Alarm<'b, 'a> {
         let (rule, bus) = (context.rule, context.bus);
         let known = node.and_then(|node| bus.node(node));
         if let (Some(node), Some(info)) = (known, context.ledger.rules.get(usize::from(rule)))
-            && node.device().waivers.iter().any(|waiver| waiver.rule == *info.name)
+            && node.device().waivers.iter().any(|waiver| waives(waiver, &info.name, &about))
         {
             return context.ledger.waive(rule);
         }

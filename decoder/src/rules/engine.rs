@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use super::causes::causes;
 use super::context::{Context, LEDGER, Wake};
+use super::device::{self, DeviceRules};
 use super::interests::Interests;
 use super::ledger::{Ledger, News, What, occurrence};
 use super::meter::Meter;
@@ -19,8 +20,15 @@ use crate::query::KindSet;
 use crate::session::{Bus, Observer};
 use crate::statistics::Quality;
 
+/// Frames from which the step of the stamps is known.
+const STAMPS_JUDGED: u64 = 1_000;
+
 /// Kinds that limit the verdicts.
 const LIMITING: [&str; 4] = ["unreadable", "lost-frames", "clock-step", "bus-silent"];
+
+/// Wakes while time goes on by one step: it may leap over years, and who asks to be woken again and again is woken
+/// at its end then.
+const WAKES_AT_ONCE: usize = 1_000;
 
 /// Judges one capture. A rule sees one bus only: each has rules of its own.
 pub struct Engine {
@@ -53,6 +61,8 @@ struct Shared {
     now: i64,
     silence: i64,
     has_time: bool,
+    /// Step of the stamps in nanoseconds.
+    granularity: i64,
 }
 
 impl Shared {
@@ -66,6 +76,7 @@ impl Shared {
             traffic: &self.traffic,
             meter: &self.meter,
             is_tested: self.is_tested,
+            granularity: self.granularity,
             silence: self.silence,
             bus_name: &self.name,
             rule: 0,
@@ -106,13 +117,16 @@ impl Engine {
     pub fn event(&mut self, event: &Event, bus: &Bus, out: &mut dyn Observer) {
         let index = usize::from(bus.index().0);
         while self.buses.len() <= index {
-            self.buses.push(BusJudge::new(bus, &self.setup, &self.ledger));
+            self.buses.push(BusJudge::new(bus, &self.setup, &mut self.ledger));
         }
         self.events += 1;
         if let EventKind::TestCase(marker) = &event.kind {
             self.ledger.mark(*marker, event.frames.last);
         }
         if let Some(judge) = self.buses.get_mut(index) {
+            if self.quality.frames <= STAMPS_JUDGED {
+                judge.shared.granularity = self.quality.granularity().unwrap_or(0);
+            }
             judge.event(event, bus, &mut self.ledger);
             if self.explaining.contains(&event.kind) {
                 self.ledger.saw(event.kind.name(), bus.index(), judge.shared.now);
@@ -213,7 +227,7 @@ fn notes(quality: &Quality) -> Vec<String> {
 }
 
 impl BusJudge {
-    fn new(bus: &Bus, setup: &Setup, ledger: &Ledger) -> Self {
+    fn new(bus: &Bus, setup: &Setup, ledger: &mut Ledger) -> Self {
         let shared = Shared {
             name: bus.name().into(),
             traffic: Traffic::default(),
@@ -223,9 +237,13 @@ impl BusJudge {
             now: i64::MIN,
             silence: 0,
             has_time: false,
+            granularity: 0,
         };
         let interests = Interests::default();
         let mut judge = Self { rules: Vec::new(), interests, shared, has_begun: false };
+        let devices = DeviceRules::new(bus, ledger);
+        let kinds = devices.wanted();
+        judge.add(0, Box::new(devices), |interests, place| interests.kinds(kinds, place));
         for (place, entry) in REGISTRY.iter().enumerate() {
             let is_on = ledger.rules.get(place).is_some_and(|rule| rule.is_on);
             if let (true, Ok(rule)) = (is_on, u16::try_from(place)) {
@@ -280,16 +298,32 @@ impl BusJudge {
                 made.event(event, &mut context);
             }
         }
+        if device::attaches(&event.kind) {
+            self.listen();
+        }
+    }
+
+    /// What is asked for by the rules of devices changed: they stand first, and explain others.
+    #[cold]
+    fn listen(&mut self) {
+        if let Some(kinds) = self.rules.first().and_then(|(_, devices)| devices.kinds()) {
+            self.interests.renew(0, kinds);
+        }
     }
 
     /// Time goes on to a monotonic time: wakes whoever asked for one before it.
     #[inline]
     fn pass_time(&mut self, monotonic: i64, bus: &Bus, ledger: &mut Ledger) {
         let now = monotonic.saturating_sub(self.shared.silence).max(self.shared.now);
+        let mut left = WAKES_AT_ONCE;
         while let Some(Reverse((due, place, token))) = self.shared.wakes.peek().copied()
             && due < now
         {
             self.shared.wakes.pop();
+            left = left.saturating_sub(1);
+            if left == 0 {
+                self.shared.now = now;
+            }
             self.wake((due, place, token), bus, ledger);
         }
         self.shared.now = now;

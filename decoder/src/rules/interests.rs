@@ -58,6 +58,19 @@ impl Interests {
         }
     }
 
+    /// What a rule looks at changed. It stands first in every list, as it explains others.
+    pub(super) fn renew(&mut self, place: u16, kinds: KindSet) {
+        for list in self.by_kind.iter_mut().chain(&mut self.pdo) {
+            list.retain(|other| *other != place);
+        }
+        let others = std::mem::take(self);
+        self.kinds(kinds, place);
+        let lists = self.by_kind.iter_mut().chain(&mut self.pdo);
+        for (list, others) in lists.zip(others.by_kind.into_iter().chain(others.pdo)) {
+            list.extend(others);
+        }
+    }
+
     /// Who looks at an event, in the order of the rules.
     #[inline]
     pub(super) fn of(&self, event: &Event) -> &[u16] {

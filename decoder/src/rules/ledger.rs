@@ -1,10 +1,13 @@
 //! Where findings are kept while a capture is judged: groups, tallies, what explains what.
 
+mod taken;
+
 use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::sync::Arc;
 
 use foldhash::fast::FixedState;
 
+use self::taken::Taken;
 use super::causes::{Effect, Explained, causes};
 use super::conformance::{Run, Standing};
 use super::setup::Setup;
@@ -79,6 +82,8 @@ pub(super) struct Ledger {
     by_key: HashMap<Key, usize, FixedState>,
     /// The last group of a rule on a bus (and at a node), and when it was seen last.
     latest: HashMap<Place, (usize, i64), FixedState>,
+    /// Which findings rules of devices take in.
+    taken: Taken,
     /// When a kind of event was seen last on a bus.
     kinds: HashMap<(&'static str, BusIndex), i64, FixedState>,
     ungrouped: u64,
@@ -101,6 +106,7 @@ impl Ledger {
             courses: Vec::new(),
             by_key: HashMap::default(),
             latest: HashMap::default(),
+            taken: Taken::default(),
             kinds: HashMap::default(),
             ungrouped: 0,
             run: Run::default(),
@@ -188,6 +194,9 @@ impl Ledger {
         let severity = self.severity(claim, opens);
         let rises = self.groups.get(place).is_some_and(|group| severity.0 > group.severity);
         self.note(place, claim, opens || rises, text);
+        if opens {
+            self.take_in(claim);
+        }
         self.open(place, claim, severity, opens, rises)
     }
 
@@ -311,6 +320,9 @@ impl Ledger {
 
     /// What explains a finding of this rule.
     fn explanation(&self, rule: &RuleInfo, claim: &Claim) -> Option<Explained> {
+        if let Some(by) = self.taken_in_by(rule, claim) {
+            return Some(Explained { effect: Effect::Same, by: Cause::Group(by) });
+        }
         for cause in causes().of(rule) {
             let from = claim.now.saturating_sub(cause.within);
             if let Some(seen) = self.kinds.get(&(cause.by.as_str(), claim.key.bus))
@@ -452,6 +464,10 @@ impl Ledger {
         let mut links = Vec::new();
         for (place, group) in self.groups.iter().enumerate().filter(|(_, group)| group.cause.is_none()) {
             let Some(rule) = self.rules.get(usize::from(group.key.rule)) else { continue };
+            if let Some(by) = self.taken_in_late(rule, group) {
+                links.push((place, by, Effect::Same));
+                continue;
+            }
             for cause in causes().of(rule).filter(|cause| cause.effect != Effect::Quality) {
                 let found = self.latest_of(&cause.by, group, cause.is_on_node).filter(|by| {
                     by.id != group.id && near(group.began().time, by.began().time, cause.within)

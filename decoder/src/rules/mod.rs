@@ -13,6 +13,7 @@ mod causes;
 pub mod conformance;
 mod context;
 mod declaration;
+mod device;
 mod engine;
 mod expectation;
 mod general;
@@ -35,6 +36,7 @@ pub use setup::Setup;
 pub use traffic::{PdoSlot, Traffic};
 
 use crate::event::Event;
+use crate::query::KindSet;
 
 /// Judges the events of one bus.
 pub trait Rule {
@@ -43,6 +45,11 @@ pub trait Rule {
 
     /// An event of one of the kinds it declared.
     fn event(&mut self, event: &Event, context: &mut Context<'_>);
+
+    /// Kinds of events it looks at now, where that changes.
+    fn kinds(&self) -> Option<KindSet> {
+        None
+    }
 
     /// A time it asked for has passed.
     fn wake(&mut self, _token: u64, _context: &mut Context<'_>) {}

@@ -64,6 +64,19 @@ impl<T> NodeMap<T> {
         self.0.get(node.place())?.as_ref()
     }
 
+    /// Remembers something of a node instead of what was known.
+    pub fn insert(&mut self, node: NodeId, value: T) {
+        let place = node.place();
+        if place < NODE_PLACES {
+            if self.0.len() <= place {
+                self.0.resize_with(place + 1, || None);
+            }
+            if let Some(slot) = self.0.get_mut(place) {
+                *slot = Some(value);
+            }
+        }
+    }
+
     /// The same, to change it.
     pub fn get_mut(&mut self, node: NodeId) -> Option<&mut T> {
         self.0.get_mut(node.place())?.as_mut()

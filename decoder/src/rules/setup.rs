@@ -16,6 +16,8 @@ use crate::wire::NodeId;
 pub struct Setup {
     rules: Vec<RuleInfo>,
     severities: HashMap<String, Severity>,
+    /// Rules of devices that are not to be judged.
+    off: Vec<String>,
     tolerances: HashMap<(&'static str, &'static str), f64>,
     suppressions: Vec<Suppression>,
     today: Option<String>,
@@ -28,6 +30,7 @@ impl Default for Setup {
         Self {
             rules: declarations().map(Declaration::info).collect(),
             severities: HashMap::new(),
+            off: Vec::new(),
             tolerances: HashMap::new(),
             suppressions: Vec::new(),
             today: None,
@@ -106,6 +109,8 @@ impl Setup {
             if let Some(rule) = self.rules.iter_mut().find(|rule| *rule.name == *name) {
                 rule.is_on = severity.is_some();
                 rule.severity = severity.unwrap_or(rule.severity);
+            } else if severity.is_none() {
+                self.off.push(name.to_owned());
             }
             self.severities.extend(severity.map(|severity| (name.to_owned(), severity)));
         }
@@ -151,6 +156,11 @@ impl Setup {
     /// The severity the bus file gives a rule.
     pub(super) fn severity(&self, rule: &str) -> Option<Severity> {
         self.severities.get(rule).copied()
+    }
+
+    /// Whether the bus file switches a device's rule off.
+    pub(super) fn is_off(&self, rule: &str) -> bool {
+        self.off.iter().any(|off| off == rule)
     }
 
     /// Why a group does not count.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::ACTIVE_ERROR_LIMIT;
 use super::device::{Behaviour, Conflicts, Restart};
 use super::j1939::J1939State;
-use super::store::Store;
+use super::store::{Origin, Store};
 use crate::event::{Certainty, StateCause};
 use crate::frame::{CanId, Timestamp};
 use crate::profile::device::PdoField;
@@ -237,6 +237,18 @@ impl Node {
     /// Number of the last frame it sent, and its time.
     pub fn last_seen(&self) -> (u64, Option<Timestamp>) {
         (self.last_frame, self.last_seen)
+    }
+
+    /// Identifier of the SYNC it obeys.
+    pub fn sync(&self) -> CanId {
+        self.sync
+    }
+
+    /// Raw number of an object that was seen or given and did not change unseen since, and the frame that told it.
+    pub fn proven(&self, object: ObjectAddress) -> Option<(i64, Origin)> {
+        let entry = self.store.seen(object).filter(|entry| !entry.stale)?;
+        let number = self.resolver().number(object).filter(|number| !number.assumed)?;
+        Some((number.raw, entry.origin))
     }
 
     /// Whether it is silent longer than its monitoring allows.

@@ -104,6 +104,11 @@ impl Bus {
         }
     }
 
+    /// Identifier of the SYNC that came last.
+    pub fn last_sync(&self) -> Option<CanId> {
+        self.sync.id
+    }
+
     /// What an identifier means now, for people: `TPDO1 of 5`, `SDO response of 15`.
     pub fn describe_id(&self, id: CanId) -> String {
         match self.routes.find(id).and_then(|slot| self.routes.slot(slot)).map(|slot| slot.service) {

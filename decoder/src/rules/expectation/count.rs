@@ -63,8 +63,9 @@ fn judge(limits: Limits<u64>, when: &Asked, node: Option<NodeId>, count: u64, co
         Limits { max: Some(max), .. } if count > max => {}
         Limits { min: Some(min), .. } if count < min => {
             let last = FrameRange::one(context.bus.last_frame());
-            let is_presumed = node.is_some() && !(context.bus.is_canopen() || context.bus.is_j1939());
-            let alarm = context.fail_at(context.now, node, last).presumed(is_presumed);
+            let alarm = context.fail_at(context.now, node, last);
+            // Of no node it is about the bus, whatever its protocol.
+            let alarm = if node.is_some() { alarm } else { alarm.certain() };
             alarm.say(|| format!("{count} matched: {when}; at least {min}"));
         }
         _ => context.pass(),

@@ -21,9 +21,9 @@ declare_rule! {
     /// Who sends it, and whether the identifier was given to two services.
     ///
     /// # Mutation
-    /// cut an NMT command to one byte
+    /// insert a request for a J1939 group of two bytes
     "malformed-message", Warning, "bytes that are no message of their service",
-    kinds: ["malformed", "nmt-command", "boot-up", "sdo-transfer", "address-claim", "j1939-request", "uds-exchange"],
+    kinds: ["malformed", "lss", "boot-up", "sdo-transfer", "address-claim", "j1939-request", "uds-exchange"],
     word: "BYTES",
 }
 
@@ -36,7 +36,7 @@ pub(super) fn new(_setup: &Setup) -> MalformedMessage {
 impl Rule for MalformedMessage {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         let EventKind::Malformed { error, reason } = &event.kind else { return context.pass() };
-        // A transfer whose sizes contradict each other is told by its own rule.
+        // Transfers whose sizes contradict each other have a rule of their own.
         if error.needed == 0 && is_transport(error.layer) {
             return;
         }

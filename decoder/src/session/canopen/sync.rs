@@ -1,14 +1,15 @@
 //! SYNC, TIME, and the marks of a conformance test.
 
 use crate::event::EventKind;
-use crate::frame::Frame;
+use crate::frame::{CanId, Frame};
 use crate::session::{Bus, Observer};
 use crate::wire::canopen::{sync, test_marker, time};
 
 /// What is known of the SYNC.
 #[derive(Debug, Clone, Default)]
 pub(in crate::session) struct SyncState {
-    seen: bool,
+    /// Identifier of the last one.
+    pub(in crate::session) id: Option<CanId>,
     counter: Option<u8>,
     /// Last TIME in milliseconds since 1984, and when it came.
     time: Option<(i64, i64)>,
@@ -50,7 +51,7 @@ impl Bus {
         }
         self.clock.saw_periodic();
         let counter = sync::parse(frame.data());
-        let first = !std::mem::replace(&mut self.sync.seen, true);
+        let first = self.sync.id.replace(frame.id).is_none();
         let expected = self.sync.take(counter);
         let routine = !first && expected.is_none();
         self.emit(frame, None, routine, EventKind::Sync { counter, expected }, out);

@@ -4,6 +4,7 @@
 
 use std::sync::Arc;
 
+use super::identity::predefined;
 use crate::frame::CanId;
 use crate::profile::{Owner, PdoDirection, PdoName, formula};
 use crate::session::routes::{Origin, Service};
@@ -41,6 +42,24 @@ impl Bus {
         for object in wanted {
             self.wanted_acts(id, object);
         }
+    }
+
+    /// Identifier of a PDO of a node, and whether the bus or the user told it; `None` where it has none.
+    pub fn pdo_identifier(&self, id: NodeId, name: PdoName) -> Option<(CanId, bool)> {
+        let node = self.node(id)?;
+        let object = ObjectAddress::new(name.communication_index(), 1);
+        if let Some(entry) = node.store.get(object) {
+            return Some((identifier(node.store.number(object)?)?, !entry.stale));
+        }
+        let learnt = self.routes.learnt_id(Service::Pdo(name, id));
+        let entry = node.device.dictionary.find(object).and_then(|found| found.entry);
+        let delivered = entry.and_then(|entry| entry.default_number(Some(id.number())));
+        let can_id = match (learnt, delivered) {
+            (Some(learnt), _) => Some(learnt),
+            (None, Some(delivered)) => identifier(u64::try_from(delivered).ok()?),
+            (None, None) => predefined(name, id),
+        };
+        can_id.map(|can_id| (can_id, false))
     }
 
     /// An object fell back to something nobody told: what it is delivered with or configured to holds.

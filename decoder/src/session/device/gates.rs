@@ -1,8 +1,8 @@
 //! Gates: whether a set point acts, and what keeps it from acting.
 
 use crate::event::Effective;
-use crate::profile::Carrier;
 use crate::profile::device::{Condition, Gate, Otherwise};
+use crate::profile::{Carrier, PdoDirection, PdoName};
 use crate::session::node::Node;
 use crate::wire::canopen::ObjectAddress;
 
@@ -149,6 +149,13 @@ impl Node {
             }
         }
         worst
+    }
+
+    /// Whether a condition holds for an output of the device, of those that no other node and no certainty of the
+    /// NMT state has a part in: `Closed` if it does not.
+    pub fn meets(&self, condition: &Condition, channel: Option<u8>, now: i64) -> GateStatus {
+        let carrier = Carrier::Pdo(PdoName { direction: PdoDirection::Receive, number: 1 });
+        self.holds(condition, Subject { object: ObjectAddress::default(), channel, carrier: &carrier }, now).0
     }
 
     /// Whether a condition holds: `Closed` if it does not.

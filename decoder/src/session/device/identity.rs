@@ -132,7 +132,7 @@ impl Bus {
 }
 
 /// Identifier of a PDO by the predefined connection set (CiA 301 §7.3.3, table 39): four of each have one.
-fn predefined(name: PdoName, node: NodeId) -> Option<CanId> {
+pub(super) fn predefined(name: PdoName, node: NodeId) -> Option<CanId> {
     let base = match name.direction {
         PdoDirection::Transmit => 0x180,
         PdoDirection::Receive => 0x200,

@@ -1,0 +1,113 @@
+//! Statements about frames and transfers as such: identifiers, modes of SDO, lengths of remote frames.
+
+use super::judge::Case;
+use crate::event::{Direction, Mode, Outcome, Pdo, SdoTransfer};
+use crate::finding::About;
+use crate::frame::{CanId, Frame, FrameFlags};
+use crate::profile::device::{DeviceRule, Shape};
+use crate::profile::{PdoDirection, little_endian};
+use crate::rules::Context;
+use crate::wire::NodeId;
+
+/// Bit 31 of a COB-ID: the service does not exist. Bit 29: the identifier has 29 bits.
+const INVALID: u64 = 1 << 31;
+const EXTENDED: u64 = 1 << 29;
+
+/// SDO frames have eight bytes; 7 is no command specifier (CiA 301 §7.2.4.3).
+const SDO_BYTES: u8 = 8;
+const NO_SPECIFIER: u8 = 7;
+
+/// A frame nobody owns: has it the shape of what belongs on the identifier?
+pub(super) fn frame(case: &Case<'_>, frame: &Frame, context: &mut Context<'_>) {
+    if !reserves(case.rule, frame.id) || frame.flags.contains(FrameFlags::REMOTE) {
+        return;
+    }
+    let Some(Shape::Sdo) = case.rule.shape else { return };
+    let command = frame.data().first().copied().unwrap_or(u8::MAX);
+    if frame.length == SDO_BYTES && command >> 5 != NO_SPECIFIER {
+        return context.pass();
+    }
+    let length = frame.length;
+    owned(case, frame.id, &format!("{length} bytes that are no SDO message"), context);
+}
+
+/// A PDO with a reserved identifier.
+pub(super) fn pdo_id(case: &Case<'_>, pdo: &Pdo, context: &mut Context<'_>) {
+    if reserves(case.rule, pdo.cob_id) {
+        let of = case
+            .event
+            .and_then(|event| event.node)
+            .map_or_else(String::new, |node| format!(" of {}", node.words()));
+        owned(case, pdo.cob_id, &format!("{}{of}", pdo.name), context);
+    }
+}
+
+/// A node is given a reserved identifier.
+pub(super) fn given(case: &Case<'_>, transfer: &SdoTransfer, context: &mut Context<'_>) {
+    let is_write = transfer.direction == Some(Direction::Download) && transfer.outcome == Outcome::Complete;
+    let Some(object) = transfer.object.filter(|_| is_write && transfer.data.len() <= 8) else { return };
+    let holds_id = matches!(
+        (object.index, object.sub),
+        (0x1005 | 0x1012 | 0x1014, 0) | (0x1400..=0x15FF | 0x1800..=0x19FF, 1)
+    );
+    let value = little_endian(&transfer.data);
+    // Bit 31 of the COB-ID of SYNC and TIME is no sign of absence (CiA 301 §7.5.2.5, §7.5.2.15).
+    let exists = value & INVALID == 0 || matches!(object.index, 0x1005 | 0x1012);
+    let Some(id) =
+        u16::try_from(value & 0x1FFF_FFFF).ok().filter(|_| holds_id && exists && value & EXTENDED == 0)
+    else {
+        return;
+    };
+    let id = CanId::standard(id);
+    if reserves(case.rule, id) {
+        let node = case.event.and_then(|event| event.node).map_or_else(String::new, NodeId::words);
+        owned(case, id, &format!("given to {object} of {node}"), context);
+    }
+}
+
+/// Whether a rule keeps an identifier for its device.
+pub(super) fn reserves(rule: &DeviceRule, id: CanId) -> bool {
+    let CanId::Standard(number) = id else { return false };
+    rule.ids.is_some_and(|[first, last]| (first..=last).contains(&u32::from(number)))
+}
+
+/// The finding is one of the bus: the identifiers belong to all such devices on it.
+fn owned(case: &Case<'_>, id: CanId, what: &str, context: &mut Context<'_>) {
+    let Some(event) = case.event else { return };
+    let text = &case.rule.text;
+    context.fail(event).node(None).about(About::Id(id)).say(|| format!("{what}: {text}"));
+}
+
+/// A transfer that should be expedited.
+pub(super) fn expedited(case: &Case<'_>, transfer: &SdoTransfer, context: &mut Context<'_>) {
+    let is_answered = matches!(transfer.outcome, Outcome::Complete | Outcome::Aborted);
+    let (Some(object), Some(mode)) = (transfer.object.filter(|_| is_answered), transfer.mode) else { return };
+    if case.rule.except.iter().any(|range| range.covers(object, 0, 0)) || !case.is_due() {
+        return;
+    }
+    let mode = match mode {
+        Mode::Expedited => return context.pass(),
+        Mode::Segmented => "segmented",
+        Mode::Block => "block",
+    };
+    let Some(event) = case.event else { return };
+    let text = &case.rule.text;
+    let alarm = context.fail(event).node(Some(case.scene.id)).about(About::Object(object));
+    alarm.say(|| format!("{mode} transfer: {text}"));
+}
+
+/// A remote frame that asks for a TPDO.
+pub(super) fn remote_length(case: &Case<'_>, pdo: &Pdo, context: &mut Context<'_>) {
+    if !pdo.is_request || pdo.name.direction != PdoDirection::Transmit || !case.is_due() {
+        return;
+    }
+    let Some(layout) = pdo.layout.as_deref().filter(|layout| !layout.assumed) else { return };
+    let (asked, has) = (u16::from(pdo.length), layout.bits.div_ceil(8));
+    if asked == has {
+        return context.pass();
+    }
+    let Some(event) = case.event else { return };
+    let (name, text) = (pdo.name, &case.rule.text);
+    let alarm = context.fail(event).node(Some(case.scene.id)).about(About::Name(name.to_string().into()));
+    alarm.say(|| format!("asks for {asked} bytes, {name} has {has}: {text}"));
+}

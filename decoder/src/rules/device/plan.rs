@@ -1,0 +1,185 @@
+//! What the rules of a device look at: worked out once a device, so that most events cost nothing.
+
+use std::sync::Arc;
+
+use super::info;
+use crate::profile::device::{Condition, Conditions, DeviceRule, Per, RuleKind, Stretch, Trigger, Triggers};
+use crate::profile::{Device, PdoName, Role};
+use crate::query::KindSet;
+use crate::rules::ledger::Ledger;
+use crate::wire::canopen::ObjectAddress;
+
+/// The rules of a device.
+#[derive(Debug)]
+pub(super) struct Plan {
+    pub(super) device: Arc<Device>,
+    /// Places in the ledger of the device's rules, in their order; none of those that are switched off.
+    pub(super) places: Vec<Option<u16>>,
+    /// Objects whose values count, in order.
+    watched: Vec<Watched>,
+    /// PDOs that rules wait for.
+    pub(super) pdos: Vec<PdoName>,
+    /// Rules whose `while` is followed from event to event.
+    pub(super) stretches: Vec<usize>,
+    /// Kinds of events the rules look at, on CANopen and on J1939.
+    pub(super) kinds: (KindSet, KindSet),
+}
+
+/// An object whose values count.
+#[derive(Debug)]
+pub(super) struct Watched {
+    pub(super) object: ObjectAddress,
+    /// Rules that judge each value of it.
+    pub(super) rules: Vec<usize>,
+    /// It is measured, so its value grows old.
+    pub(super) is_measured: bool,
+}
+
+impl Plan {
+    /// The plan of a device, whose rules are known to the ledger from now on.
+    pub(super) fn new(device: &Arc<Device>, ledger: &mut Ledger) -> Self {
+        let mut plan = Self {
+            device: Arc::clone(device),
+            places: Vec::new(),
+            watched: Vec::new(),
+            pdos: Vec::new(),
+            stretches: Vec::new(),
+            kinds: (KindSet::NONE, KindSet::NONE),
+        };
+        let mut names: Vec<&str> =
+            vec!["boot-up", "emcy", "nmt-command", "nmt-state", "node-lost", "bus-silent", "lost-frames"];
+        for (number, rule) in device.rules.iter().enumerate() {
+            let place = ledger.add_rule(info::of(device, rule), info::takes_in(device, rule));
+            plan.places.push(place);
+            if place.is_some() {
+                plan.take(number, rule, &mut names);
+            }
+        }
+        plan.watched.sort_by_key(|watched| watched.object);
+        plan.pdos.sort_unstable();
+        plan.pdos.dedup();
+        let on =
+            |is_needed: fn(&str) -> bool| KindSet::by_name(|name| names.contains(&name) && is_needed(name));
+        let is_of_canopen = |name: &str| !matches!(name, "j1939-message" | "dtc");
+        let is_of_j1939 = |name: &str| {
+            matches!(name, "j1939-message" | "dtc" | "bus-silent" | "device-state" | "lost-frames")
+        };
+        plan.kinds = (on(is_of_canopen), on(is_of_j1939));
+        plan
+    }
+
+    /// An object whose values count, and its place.
+    pub(super) fn watched(&self, object: ObjectAddress) -> Option<(usize, &Watched)> {
+        let place = self.watched.binary_search_by_key(&object, |watched| watched.object).ok()?;
+        Some((place, self.watched.get(place)?))
+    }
+
+    /// The object at a place.
+    pub(super) fn at(&self, place: usize) -> Option<&Watched> {
+        self.watched.get(place)
+    }
+
+    /// How many objects there are whose values count.
+    pub(super) fn watched_count(&self) -> usize {
+        self.watched.len()
+    }
+
+    /// The rules with their numbers, those that are switched off apart.
+    pub(super) fn rules(&self) -> impl Iterator<Item = (usize, &DeviceRule)> {
+        let on = self.device.rules.iter().zip(&self.places).enumerate();
+        on.filter(|(_, (_, place))| place.is_some()).map(|(number, (rule, _))| (number, rule))
+    }
+
+    fn take(&mut self, number: usize, rule: &DeviceRule, names: &mut Vec<&str>) {
+        for trigger in triggers(rule) {
+            names.extend(kinds_of(trigger));
+            match trigger {
+                Trigger::Bit(bit, _) => self.watch(bit.object.object, Some(number)),
+                Trigger::Set(set) => self.watch(set.object.object, Some(number)),
+                Trigger::Pdo(name) => self.pdos.push(*name),
+                _ => {}
+            }
+        }
+        for condition in rule.needs.0.iter().chain(&rule.during.0) {
+            self.condition(condition, names);
+        }
+        for object in rule.subjects() {
+            names.extend(VALUES);
+            self.watch(object.object, Some(number));
+        }
+        match rule.kind {
+            RuleKind::ReservedId => names.extend(["frame", "pdo", "sdo-transfer"]),
+            RuleKind::Expedited => names.push("sdo-transfer"),
+            RuleKind::RemoteLength => names.push("pdo"),
+            RuleKind::MaxCount if rule.per == Some(Per::Stretch(Stretch::Sync)) => names.push("sync"),
+            _ => {}
+        }
+        if follows_while(rule) {
+            self.stretches.push(number);
+        }
+    }
+
+    fn condition(&mut self, condition: &Condition, names: &mut Vec<&str>) {
+        match condition {
+            Condition::Object { object, .. } | Condition::Inside { object, .. } => {
+                names.extend(VALUES);
+                self.watch(object.object, None);
+            }
+            Condition::State(_) => names.push("device-state"),
+            Condition::Other(Conditions(all)) => all.iter().for_each(|one| self.condition(one, names)),
+            _ => {}
+        }
+    }
+
+    fn watch(&mut self, object: ObjectAddress, rule: Option<usize>) {
+        let known = self.watched.iter().position(|watched| watched.object == object);
+        let place = known.unwrap_or(self.watched.len());
+        if known.is_none() {
+            let entry = self.device.dictionary.find(object).and_then(|found| found.entry);
+            let is_measured = entry.is_some_and(|entry| entry.look.role == Some(Role::Actual));
+            self.watched.push(Watched { object, rules: Vec::new(), is_measured });
+        }
+        if let (Some(watched), Some(rule)) = (self.watched.get_mut(place), rule)
+            && !watched.rules.contains(&rule)
+        {
+            watched.rules.push(rule);
+        }
+    }
+}
+
+/// Events that bring values.
+const VALUES: [&str; 3] = ["pdo", "j1939-message", "sdo-transfer"];
+
+/// Whether `while` counts also between the events a rule waits for.
+fn follows_while(rule: &DeviceRule) -> bool {
+    match rule.kind {
+        RuleKind::MaxInterval => true,
+        RuleKind::Follow | RuleKind::Never => !rule.during.0.is_empty(),
+        RuleKind::MaxCount => rule.per == Some(Per::Stretch(Stretch::While)),
+        _ => false,
+    }
+}
+
+/// All triggers of a rule.
+pub(super) fn triggers(rule: &DeviceRule) -> impl Iterator<Item = &Trigger> {
+    let lists: [&Triggers; 5] = [&rule.on, &rule.then, &rule.before, &rule.since, &rule.after];
+    lists.into_iter().flat_map(|triggers| &triggers.0)
+}
+
+/// Kinds of events that may be what a trigger waits for.
+fn kinds_of(trigger: &Trigger) -> &'static [&'static str] {
+    match trigger {
+        Trigger::Write(..) | Trigger::Read(..) | Trigger::Writes(_) => &["sdo-transfer"],
+        Trigger::Bit(..) | Trigger::Set(_) => &VALUES,
+        Trigger::Pdo(_) => &["pdo"],
+        Trigger::Message(_) => &["j1939-message"],
+        Trigger::Dtc(_) => &["dtc"],
+        Trigger::Nmt(_) => &["nmt-command"],
+        Trigger::State(_) => &["device-state"],
+        Trigger::Sync => &["sync"],
+        Trigger::Emcy(_) => &["emcy"],
+        Trigger::Boot => &["boot-up", "emcy"],
+        Trigger::Lss(_) => &["lss"],
+        Trigger::Guard => &["guard-request"],
+    }
+}
