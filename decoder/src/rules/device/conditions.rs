@@ -1,7 +1,7 @@
 //! What a rule knows of a node when it judges: whether conditions are proven, or proven not to hold.
 
 use super::attached::Attached;
-use super::happening::masked;
+use super::happening::{masked, show};
 use crate::profile::device::Condition;
 use crate::rules::NodeMap;
 use crate::rules::context::{SETTLING, confirmed_state};
@@ -59,10 +59,18 @@ impl Scene<'_> {
         conditions.iter().fold(Proof::Holds, |proof, condition| proof.and(self.holds(condition, channel)))
     }
 
-    /// A condition that is proven not to hold, and what there is instead.
-    pub(super) fn unmet(&self, conditions: &[Condition], channel: Option<u8>) -> Option<String> {
+    /// A condition that is proven not to hold: the object it is about, and what there is instead.
+    pub(super) fn unmet(
+        &self,
+        conditions: &[Condition],
+        channel: Option<u8>,
+    ) -> Option<(Option<ObjectAddress>, String)> {
         let failed = conditions.iter().find(|condition| self.holds(condition, channel) == Proof::Fails)?;
-        Some(self.instead(failed, channel))
+        let object = match failed {
+            Condition::Object { object, .. } | Condition::Inside { object, .. } => Some(object.object),
+            _ => None,
+        };
+        Some((object, self.instead(failed, channel)))
     }
 
     fn holds(&self, condition: &Condition, channel: Option<u8>) -> Proof {
@@ -171,7 +179,7 @@ impl Scene<'_> {
         let value = self.value(object);
         let raw = value.unwrap_or_default();
         match self.node.meaning(object) {
-            Some(meaning) => format!("{object} is {}", meaning.show(&meaning.number(raw))),
+            Some(meaning) => format!("{object} is {}", show(&meaning, raw)),
             None => format!("{object} is {raw}"),
         }
     }

@@ -119,10 +119,19 @@ impl<'a> Came<'a> {
     /// The value as people write it.
     pub(super) fn shown(&self) -> String {
         match (self.raw, self.meaning) {
-            (Some(raw), Some(meaning)) => meaning.show(&meaning.number(raw)),
-            (Some(raw), None) => raw.to_string(),
+            (Some(raw), Some(meaning)) => show(meaning, raw),
+            (Some(raw), None) => format!("{:X}h", raw.cast_unsigned()),
             (None, _) => "value".to_owned(),
         }
+    }
+}
+
+/// A number by its meaning; of bits only the word, as their names would fill the line.
+pub(super) fn show(meaning: &Meaning, raw: i64) -> String {
+    let digits = meaning.data_type.and_then(DataType::bits).map_or(0, |bits| usize::from(bits.div_ceil(4)));
+    match meaning.bits {
+        Some(_) => format!("{:0digits$X}h", raw.cast_unsigned()),
+        None => meaning.show(&meaning.number(raw)),
     }
 }
 
@@ -202,6 +211,11 @@ impl Happening<'_> {
             Self::State(Some(channel), _) => About::Name(format!("channel {channel}").into()),
             _ => About::Whole,
         }
+    }
+
+    /// Whether it is a value of this object.
+    pub(super) fn is_of(&self, object: Option<ObjectAddress>) -> bool {
+        matches!(self, Self::Came(came) if Some(came.object) == object)
     }
 
     /// The object that a count goes by, where a trigger speaks of many.

@@ -26,8 +26,9 @@ pub(super) fn precondition(case: &Case<'_>, happening: &Happening<'_>, context: 
         Proof::Fails => {
             let (scene, text) = (case.scene, &case.rule.text);
             case.fail(happening, context).say(|| {
-                let instead = scene.unmet(needs, channel).unwrap_or_default();
-                format!("{}, {instead}: {text}", happening.words())
+                let instead = scene.unmet(needs, channel).filter(|(object, _)| !happening.is_of(*object));
+                let instead = instead.map_or_else(String::new, |(_, instead)| format!(", {instead}"));
+                format!("{}{instead}: {text}", happening.words())
             });
         }
     }
