@@ -6,6 +6,7 @@
 //! delay: SELECTOR by 40ms                 frames come later, or earlier by -40ms
 //! set: SELECTOR byte 1 is FF              bytes of the payload, counted from 1
 //! cut: SELECTOR length 4                  the payload is shorter
+//! append: SELECTOR is 00                  the payload is longer
 //! duplicate: SELECTOR by 1ms              frames come twice
 //! swap: SELECTOR                          first and second, third and fourth change their payloads
 //! rename: SELECTOR as 1A5                 another identifier
@@ -206,6 +207,11 @@ fn change(operator: &str, words: &Words<'_>, places: &[usize], lines: &mut Vec<L
                 lines[*place].body.truncate(length);
             }
         }
+        "append" => {
+            for place in places {
+                lines[*place].body.push_str(words.need("is"));
+            }
+        }
         "swap" => {
             for pair in places.chunks_exact(2) {
                 let one = std::mem::take(&mut lines[pair[0]].body);
@@ -240,6 +246,7 @@ fn operators_change_what_they_say() {
     assert_eq!(changed("drop: sa:80", frames), "705#05 185#0102 585#4310 185#0304");
     assert_eq!(changed("set: 185#.3 byte 2 is FF", frames), frames.replace("0304", "03FF"));
     assert_eq!(changed("cut: 185 length 1", frames), frames.replace("0102", "01").replace("0304", "03"));
+    assert_eq!(changed("append: 585 is 00", frames), frames.replace("4310", "431000"));
     assert_eq!(
         changed("swap: 185", frames),
         frames.replace("0102", "x").replace("0304", "0102").replace('x', "0304")

@@ -31,12 +31,11 @@ declare_rule! {
     word: "COBID",
 }
 
-/// Object 1014: COB-ID EMCY.
-const EMCY: ObjectAddress = ObjectAddress::new(0x1014, 0);
+const EMCY_ID: ObjectAddress = ObjectAddress::new(0x1014, 0);
 
 #[derive(Default)]
 pub(super) struct CobIdMismatch {
-    /// Frame at which a node took its node-ID: what was known of it before may follow the node-ID.
+    /// Frame in which a node took another node-ID: what was read before need not hold.
     moved: NodeMap<u64>,
 }
 
@@ -66,33 +65,34 @@ impl CobIdMismatch {
             alarm.say(|| format!("says {cob_id:X}h, the server is asked and answers with {used} in use"));
         }
     }
+
+    fn emcy(&self, event: &Event, used: CanId, context: &mut Context<'_>) {
+        let Some(node) = context.node(event) else { return };
+        let is_old = |frame: u64| self.moved.get(node.id()).is_some_and(|moved| frame < *moved);
+        let known = node.store().seen(EMCY_ID).filter(|entry| !is_old(entry.origin.frame));
+        let Some(cob_id) = known.and_then(|_| sure(node, EMCY_ID.index, EMCY_ID.sub)) else {
+            let default = CanId::standard(0x80 + u16::from(node.id().number()));
+            if used == default {
+                context.pass();
+            }
+            return;
+        };
+        if identifier(cob_id) == Some(used) {
+            return context.pass();
+        }
+        let alarm = context.fail(event).about(About::Id(used));
+        alarm.say(|| format!("EMCY on {used}; 1014 says {cob_id:X}h"));
+    }
 }
 
 impl Rule for CobIdMismatch {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {
             EventKind::SdoTransfer(transfer) => Self::server(event, transfer, context),
-            EventKind::Emcy(emergency) => {
-                let used = emergency.cob_id;
-                let Some(node) = context.node(event) else { return };
-                let moved = self.moved.get(node.id()).copied().unwrap_or(0);
-                let is_since = node.store().seen(EMCY).is_some_and(|entry| entry.origin.frame >= moved);
-                let Some(cob_id) = sure(node, 0x1014, 0).filter(|_| is_since) else {
-                    let default = CanId::standard(0x80 + u16::from(node.id().number()));
-                    if used == default {
-                        context.pass();
-                    }
-                    return;
-                };
-                if identifier(cob_id) == Some(used) {
-                    return context.pass();
-                }
-                let alarm = context.fail(event).about(About::Id(used));
-                alarm.say(|| format!("EMCY on {used}; 1014 says {cob_id:X}h"));
-            }
-            EventKind::NodeIdChange { to, .. } => {
-                if let Some(frame) = self.moved.entry(NodeId::Canopen(*to)) {
-                    *frame = event.frames.last;
+            EventKind::Emcy(emergency) => self.emcy(event, emergency.cob_id, context),
+            EventKind::NodeIdChange { .. } => {
+                if let Some(moved) = event.node.and_then(|node| self.moved.entry(node)) {
+                    *moved = event.frames.last;
                 }
             }
             _ => {}

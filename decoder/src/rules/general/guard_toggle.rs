@@ -1,6 +1,5 @@
 //! Toggle bits of guarding.
 
-use super::facts::sure;
 use crate::event::{Event, EventKind};
 use crate::rules::declaration::declare_rule;
 use crate::rules::{Context, NodeSet, Rule, Setup};
@@ -8,7 +7,7 @@ use crate::rules::{Context, NodeSet, Rule, Setup};
 declare_rule! {
     /// # What it checks
     /// The toggle bit of a node's answers to guarding alternates. Heartbeats that happen to come behind a request
-    /// are none.
+    /// are none, and answers between which heartbeats come are not judged: one may have been taken for the other.
     ///
     /// # Why it matters
     /// It is how the master knows that an answer is a new one: else a controller that repeats its last frame passes
@@ -34,6 +33,8 @@ pub(super) struct GuardToggle {
     toggling: NodeSet,
     /// Nodes that send heartbeats.
     beating: NodeSet,
+    /// Nodes that sent one since their last answer.
+    between: NodeSet,
 }
 
 pub(super) fn new(_setup: &Setup) -> GuardToggle {
@@ -46,20 +47,19 @@ impl Rule for GuardToggle {
         match &event.kind {
             EventKind::Heartbeat { .. } => {
                 self.beating.insert(node);
+                self.between.insert(node);
             }
             EventKind::BootUp { .. } => {
                 self.beating.remove(node);
                 self.toggling.remove(node);
+                self.between.remove(node);
             }
             EventKind::GuardReply { toggle, toggle_error, .. } => {
                 if *toggle {
                     self.toggling.insert(node);
                 }
-                // Of a node whose heartbeat is on only some are told as answers.
-                let has_heartbeat =
-                    context.node(event).and_then(|node| sure(node, 0x1017, 0)).is_some_and(|time| time > 0);
-                let is_guarded =
-                    !has_heartbeat && (self.toggling.contains(node) || !self.beating.contains(node));
+                let is_apart = !self.between.remove(node);
+                let is_guarded = is_apart && self.toggling.contains(node) || !self.beating.contains(node);
                 if !toggle_error {
                     context.pass();
                 } else if is_guarded {

@@ -5,7 +5,7 @@ use crate::finding::{About, Severity};
 use crate::rules::declaration::{declare_rule, tolerance};
 use crate::rules::{Context, NodeMap, NodeSet, Rule, Setup};
 use crate::wire::NodeId;
-use crate::wire::canopen::ObjectAddress;
+use crate::wire::canopen::{NmtState, ObjectAddress};
 
 declare_rule! {
     /// # What it checks
@@ -25,7 +25,7 @@ declare_rule! {
     /// # Mutation
     /// drop all frames of a node from the middle on
     "node-lost", Error, "a monitored node is silent",
-    kinds: ["heartbeat", "node-lost", "node-back", "boot-up"],
+    kinds: ["heartbeat", "node-lost", "node-back", "boot-up", "nmt-command"],
     cases: &["7.102"],
     is_timing: true,
     word: "LOST",
@@ -93,6 +93,9 @@ const PRODUCER_TIME: ObjectAddress = ObjectAddress::new(0x1017, 0);
 
 impl Rule for NodeLost {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        if let EventKind::NmtCommand { to: Some(NmtState::Initialising), target: 0, .. } = event.kind {
+            self.last = NodeMap::default();
+        }
         let Some(node) = event.node else { return };
         match &event.kind {
             EventKind::Heartbeat { .. } => self.heartbeat(event, node, context),
@@ -101,8 +104,8 @@ impl Rule for NodeLost {
                 Self::lost(event, silence, context);
             }
             EventKind::NodeBack(_) => context.close(Some(node), About::Whole),
-            // A restart begins anew.
-            EventKind::BootUp { .. } => {
+            // A restart begins anew; how long a reset takes is judged elsewhere.
+            EventKind::BootUp { .. } | EventKind::NmtCommand { to: Some(NmtState::Initialising), .. } => {
                 self.last.remove(node);
             }
             _ => {}

@@ -44,7 +44,9 @@ impl Rule for SdoSize {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
         let has_gap = transfer.truncated && transfer.data.len() < TRANSFER_DATA_LIMIT;
-        if transfer.outcome != Outcome::Complete || transfer.cut_start || has_gap {
+        // Where the order of segments is wrong, sizes follow from that.
+        let is_whole = !transfer.cut_start && !has_gap && transfer.irregularity.is_none();
+        if transfer.outcome != Outcome::Complete || !is_whole {
             return;
         }
         let size = transfer.size;
