@@ -11,8 +11,11 @@ const RECEIVED: usize = 1;
 const REQUEST: usize = 2;
 const ROUTINE: usize = 4;
 
+/// Whether a class of PDOs is meant.
+type IsMeant = fn(usize) -> bool;
+
 /// Words for some PDOs among the kinds that a rule declares.
-const PDO_WORDS: [(&str, fn(usize) -> bool); 5] = [
+const PDO_WORDS: [(&str, IsMeant); 5] = [
     ("pdo", |_| true),
     ("tpdo", |class| class & (RECEIVED | REQUEST) == 0),
     ("rpdo", |class| class & (RECEIVED | REQUEST) == RECEIVED),
