@@ -7,6 +7,7 @@ mod corpus;
 mod corpus_j1939;
 mod dbc;
 mod device_files;
+mod device_rules;
 mod devices;
 mod dialects;
 mod expectations;

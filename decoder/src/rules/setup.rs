@@ -1,6 +1,6 @@
 //! What is judged and how strictly: the rules there are, with what the bus file says of them.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
 
 use super::declaration::Declaration;
@@ -8,7 +8,7 @@ use super::declarations;
 use super::expectation::Expectation;
 use crate::bus_file::{self, BusFile, RuleSettings, Suppression};
 use crate::finding::{Group, RuleInfo, Severity, SuppressionUse};
-use crate::profile::TextError;
+use crate::profile::{Catalogue, TextError};
 use crate::wire::NodeId;
 
 /// Rules, tolerances, suppressions.
@@ -70,6 +70,22 @@ impl Setup {
     /// There is none; the text says which are like it.
     pub fn check_name(&self, rule: &str) -> Result<(), String> {
         if self.knows(rule) { Ok(()) } else { Err(self.unknown(rule)) }
+    }
+
+    /// Holds what the bus file says of the rules of devices to the profiles there are.
+    ///
+    /// # Errors
+    /// Profiles and rules that do not exist, with the place in `text`.
+    pub fn check_devices(&self, file: &BusFile, text: &str, catalogue: &Catalogue) -> Result<(), TextError> {
+        let settings = file.judgement.rules.iter().map(|one| (&one.rule, &one.span));
+        let suppressed = self.suppressions.iter().map(|one| (&one.rule, &one.span));
+        for (rule, span) in settings.chain(suppressed) {
+            if let Some((profile, name)) = rule.split_once(':') {
+                device_rule(catalogue, profile, name)
+                    .map_err(|message| TextError::at(text, span.clone(), message))?;
+            }
+        }
+        Ok(())
     }
 
     fn expect(&mut self, written: &bus_file::Expectation, text: &str) -> Result<(), TextError> {
@@ -202,6 +218,23 @@ fn covers(suppression: &Suppression, group: &Group) -> bool {
         && suppression.about.as_deref().is_none_or(|about| group.key.about.to_string() == about)
 }
 
+/// Whether a profile, in any of its variants, has a rule.
+fn device_rule(catalogue: &Catalogue, profile: &str, name: &str) -> Result<(), String> {
+    let device = catalogue.device(profile).map_err(|error| error.to_string())?;
+    let mut names = BTreeSet::new();
+    let variants = device.variants.iter().map(|variant| format!("{profile}:{}", variant.id));
+    for device in variants.filter_map(|variant| catalogue.device(&variant).ok()).chain([Arc::clone(&device)])
+    {
+        names.extend(device.rules.iter().map(|rule| rule.name.clone()));
+    }
+    if names.contains(name) {
+        return Ok(());
+    }
+    let near = names.iter().find(|known| is_near(known, name));
+    let meant = near.map_or_else(String::new, |near| format!("; did you mean '{profile}:{near}'?"));
+    Err(format!("profile '{profile}' has no rule '{name}'{meant}"))
+}
+
 /// Whether two names differ by a letter or two, or one begins the other.
 fn is_near(known: &str, given: &str) -> bool {
     if given.len() > 3 && (known.starts_with(given) || given.starts_with(known)) {
@@ -237,6 +270,25 @@ mod tests {
         let declaration = declarations().find(|rule| rule.name == "sdo-no-response").unwrap();
         assert_eq!(setup.nanoseconds(declaration, "warning-ms"), 300_000_000);
         assert_eq!(setup.severity("sdo-no-response"), Some(Severity::Note));
+    }
+
+    #[test]
+    fn rules_of_devices_are_those_of_the_profiles() {
+        let check = |text: &str| {
+            let file = BusFile::parse(text).unwrap();
+            let setup = Setup::new(&file, text, None).unwrap();
+            setup.check_devices(&file, text, &Catalogue::default()).map_err(|error| error.to_string())
+        };
+        let known = "[rules.\"wandfluh-md2:control-mode-of-controller\"]\nseverity = \"off\"\n\
+                     [[suppress]]\nrule = \"rexroth-sydfec:offset-before-gain\"\nreason = \"x\"\n";
+        assert_eq!(check(known), Ok(()));
+        let error =
+            check("[rules.\"rexroth-sydfec:offset-before-gian\"]\nseverity = \"note\"\n").unwrap_err();
+        let said = "1:8: profile 'rexroth-sydfec' has no rule 'offset-before-gian'; did you mean \
+                    'rexroth-sydfec:offset-before-gain'?";
+        assert!(error.starts_with(said), "{error}");
+        let error = check("[[suppress]]\nrule = \"acme:x\"\nreason = \"x\"\n").unwrap_err();
+        assert!(error.starts_with("2:8: there is no profile 'acme'"), "{error}");
     }
 
     #[test]

@@ -27,9 +27,9 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
     };
     let today = jiff::Zoned::now().date().to_string();
     let ready = session_options(&arguments.input)
-        .and_then(|options| Ok((options, setup(&arguments.input, Some(today))?)));
+        .and_then(|options| Ok((setup(&arguments.input, &options.catalogue, Some(today))?, options)));
     let (options, setup) = match ready {
-        Ok((options, setup)) => (options, Arc::new(setup)),
+        Ok((setup, options)) => (options, Arc::new(setup)),
         Err(error) => {
             complain(&error);
             return Exit::Profile;

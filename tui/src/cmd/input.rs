@@ -7,7 +7,7 @@ use std::sync::Arc;
 use anyhow::Context as _;
 use cobscope_decoder::bus_file::BusFile;
 use cobscope_decoder::capture::{ReadOptions, TimeStyle};
-use cobscope_decoder::profile::Catalogue;
+use cobscope_decoder::profile::{Catalogue, TextError};
 use cobscope_decoder::rules::Setup;
 use cobscope_decoder::session::{AssignedBy, Assignment, ProtocolChoice, SessionOptions};
 use cobscope_decoder::sink::escape;
@@ -81,11 +81,18 @@ fn bus_file_text(path: &Path) -> anyhow::Result<(String, String)> {
 ///
 /// # Errors
 /// A bus file that cannot be read, or that names rules and tolerances that do not exist.
-pub(super) fn setup(input: &InputArgs, today: Option<String>) -> anyhow::Result<Setup> {
+pub(super) fn setup(
+    input: &InputArgs,
+    catalogue: &Catalogue,
+    today: Option<String>,
+) -> anyhow::Result<Setup> {
     let Some(path) = &input.bus else { return Ok(Setup::default()) };
     let (name, text) = bus_file_text(path)?;
     let file = BusFile::parse(&text).map_err(|error| anyhow::anyhow!(error.show(&name)))?;
-    Setup::new(&file, &text, today).map_err(|error| anyhow::anyhow!(error.show(&name)))
+    let shown = |error: TextError| anyhow::anyhow!(error.show(&name));
+    let setup = Setup::new(&file, &text, today).map_err(shown)?;
+    setup.check_devices(&file, &text, catalogue).map_err(shown)?;
+    Ok(setup)
 }
 
 /// Devices of nodes: of the bus file, then of the options, which go before it.

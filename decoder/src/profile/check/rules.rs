@@ -74,6 +74,9 @@ impl Check<'_> {
     fn trigger_of_rules(&mut self, trigger: &Trigger, span: &Range<usize>) {
         match trigger {
             Trigger::Set(set) => self.known(set.object, span, "set"),
+            Trigger::Message(message) if message.times != 1 || !message.when.0.is_empty() => {
+                self.say(span, "times and when of a message go with procedures");
+            }
             Trigger::Lss(service) if !lss().has(&service.service) => {
                 self.say(span, format!("there is no LSS service '{}'", service.service));
             }
