@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use cobscope_decoder::finding::{Cause, Findings, Severity};
+use cobscope_decoder::wire::NodeId;
 
 use crate::rules::{judge, parse};
 
