@@ -49,6 +49,9 @@ struct BusJudge {
     interests: Interests,
     shared: Shared,
     has_begun: bool,
+    /// Which rules want PDOs, and whether one changed its mind.
+    wants: Vec<bool>,
+    has_turned: bool,
 }
 
 /// What the rules of one bus share.
@@ -240,7 +243,14 @@ impl BusJudge {
             granularity: 0,
         };
         let interests = Interests::default();
-        let mut judge = Self { rules: Vec::new(), interests, shared, has_begun: false };
+        let mut judge = Self {
+            rules: Vec::new(),
+            interests,
+            shared,
+            has_begun: false,
+            wants: Vec::new(),
+            has_turned: true,
+        };
         let devices = DeviceRules::new(bus, ledger);
         let kinds = devices.wanted();
         judge.add(0, Box::new(devices), |interests, place| interests.kinds(kinds, place));
@@ -291,12 +301,18 @@ impl BusJudge {
             EventKind::TestCase(_) => self.shared.is_tested = true,
             _ => {}
         }
+        let is_data = matches!(&event.kind, EventKind::Pdo(pdo) if !pdo.is_request);
         let mut context = self.shared.context(bus, ledger);
         for place in self.interests.of(event) {
             if let Some((rule, made)) = self.rules.get_mut(usize::from(*place)) {
                 (context.rule, context.place) = (*rule, *place);
                 made.event(event, &mut context);
+                self.has_turned |=
+                    !is_data && self.wants.get(usize::from(*place)) != Some(&made.wants_pdos());
             }
+        }
+        if self.has_turned {
+            self.ask_for_pdos();
         }
         if device::attaches(&event.kind) {
             self.listen();
@@ -308,6 +324,18 @@ impl BusJudge {
     fn listen(&mut self) {
         if let Some(kinds) = self.rules.first().and_then(|(_, devices)| devices.kinds()) {
             self.interests.renew(0, kinds);
+        }
+    }
+
+    /// Notes which rules want PDOs now.
+    #[cold]
+    fn ask_for_pdos(&mut self) {
+        self.has_turned = false;
+        self.wants = self.rules.iter().map(|(_, rule)| rule.wants_pdos()).collect();
+        for (place, wants) in self.wants.iter().enumerate() {
+            if let Ok(place) = u16::try_from(place) {
+                self.interests.want_pdos(place, *wants);
+            }
         }
     }
 
@@ -343,6 +371,7 @@ impl BusJudge {
         let mut context = shared.context(bus, ledger);
         (context.rule, context.place) = (*rule, place);
         made.wake(token, &mut context);
+        self.has_turned = true;
     }
 
     /// Calls all rules.
@@ -353,6 +382,7 @@ impl BusJudge {
             (context.rule, context.place) = (*rule, u16::try_from(place).unwrap_or(LEDGER));
             call(&mut **made, &mut context);
         }
+        self.has_turned = true;
     }
 }
 

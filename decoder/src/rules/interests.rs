@@ -28,11 +28,17 @@ const PDO_WORDS: [(&str, IsMeant); 5] = [
 pub(super) struct Interests {
     by_kind: [Vec<u16>; KIND_COUNT],
     pdo: [Vec<u16>; PDO_CLASSES],
+    /// Rules that look at PDOs, in their order: place, the classes as bits, whether they want them now.
+    members: Vec<(u16, u8, bool)>,
 }
 
 impl Default for Interests {
     fn default() -> Self {
-        Self { by_kind: std::array::from_fn(|_| Vec::new()), pdo: std::array::from_fn(|_| Vec::new()) }
+        Self {
+            by_kind: std::array::from_fn(|_| Vec::new()),
+            pdo: std::array::from_fn(|_| Vec::new()),
+            members: Vec::new(),
+        }
     }
 }
 
@@ -42,10 +48,11 @@ impl Interests {
         let kinds = KindSet::by_name(|name| name != "pdo" && words.contains(&name));
         self.kinds(kinds, place);
         let wanted: Vec<_> = PDO_WORDS.iter().filter(|(word, _)| words.contains(word)).collect();
-        for (class, list) in self.pdo.iter_mut().enumerate() {
-            if wanted.iter().any(|(_, means)| means(class)) {
-                list.push(place);
-            }
+        let classes = (0..PDO_CLASSES).filter(|class| wanted.iter().any(|(_, means)| means(*class)));
+        let classes = classes.fold(0_u8, |all, class| all | 1 << class);
+        if classes != 0 {
+            self.members.push((place, classes, true));
+            self.list_pdos();
         }
     }
 
@@ -57,21 +64,48 @@ impl Interests {
             }
         }
         if kinds.contains_name("pdo") {
-            self.pdo.iter_mut().for_each(|list| list.push(place));
+            self.members.push((place, u8::MAX, true));
+            self.list_pdos();
+        }
+    }
+
+    /// A rule wants PDOs from now on, or no longer.
+    #[inline]
+    pub(super) fn want_pdos(&mut self, place: u16, wants: bool) {
+        let member = self.members.iter_mut().find(|(member, ..)| *member == place);
+        if let Some((_, _, wanted)) = member.filter(|(_, _, wanted)| *wanted != wants) {
+            *wanted = wants;
+            self.list_pdos();
+        }
+    }
+
+    #[cold]
+    fn list_pdos(&mut self) {
+        for (class, list) in self.pdo.iter_mut().enumerate() {
+            let wanting = self
+                .members
+                .iter()
+                .filter(|(_, classes, wants)| (*wants || class & REQUEST != 0) && classes >> class & 1 == 1);
+            list.clear();
+            list.extend(wanting.map(|(place, ..)| *place));
         }
     }
 
     /// What a rule looks at changed. It stands first in every list, as it explains others.
     pub(super) fn renew(&mut self, place: u16, kinds: KindSet) {
-        for list in self.by_kind.iter_mut().chain(&mut self.pdo) {
+        for list in &mut self.by_kind {
             list.retain(|other| *other != place);
         }
-        let others = std::mem::take(self);
-        self.kinds(kinds, place);
-        let lists = self.by_kind.iter_mut().chain(&mut self.pdo);
-        for (list, others) in lists.zip(others.by_kind.into_iter().chain(others.pdo)) {
-            list.extend(others);
+        self.members.retain(|(member, ..)| *member != place);
+        for kind in kinds.places() {
+            if let Some(list) = self.by_kind.get_mut(kind) {
+                list.insert(0, place);
+            }
         }
+        if kinds.contains_name("pdo") {
+            self.members.insert(0, (place, u8::MAX, true));
+        }
+        self.list_pdos();
     }
 
     /// Who looks at an event, in the order of the rules.

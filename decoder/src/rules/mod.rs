@@ -51,6 +51,12 @@ pub trait Rule {
         None
     }
 
+    /// Whether it looks at PDOs now, of those it declared; requests it gets in any case. A rule that waits for something
+    /// else first need not look at each of them. It is asked again behind every other event it gets.
+    fn wants_pdos(&self) -> bool {
+        true
+    }
+
     /// A time it asked for has passed.
     fn wake(&mut self, _token: u64, _context: &mut Context<'_>) {}
 

@@ -31,6 +31,11 @@ impl NodeSet {
         self.0.get_mut(node.place()).is_some_and(std::mem::take)
     }
 
+    /// Whether none is in.
+    pub fn is_empty(&self) -> bool {
+        !self.0.contains(&true)
+    }
+
     /// Whether a node is in.
     pub fn contains(&self, node: NodeId) -> bool {
         self.0.get(node.place()).copied().unwrap_or(false)

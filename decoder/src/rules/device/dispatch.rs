@@ -186,7 +186,12 @@ impl Judged<'_> {
 
     /// Something happened: each rule that waits for it judges it.
     fn happen(&mut self, happening: &Happening<'_>, now: Now<'_>, context: &mut Context<'_>) {
-        for number in self.numbers(|rule| concerns(rule, happening)) {
+        // SYNC comes too often to look through all rules.
+        let concerned = match happening {
+            Happening::Sync => self.own.plan.syncs.clone(),
+            _ => self.numbers(|rule| concerns(rule, happening)),
+        };
+        for number in concerned {
             self.one(number, now, context, &mut |case, course, context| {
                 judge::happened(case, course, happening, context);
             });
@@ -308,7 +313,7 @@ impl Judged<'_> {
 }
 
 /// Whether a rule looks at what happened.
-fn concerns(rule: &DeviceRule, happening: &Happening<'_>) -> bool {
+pub(super) fn concerns(rule: &DeviceRule, happening: &Happening<'_>) -> bool {
     let always = match happening {
         Happening::Came(came) => rule.subjects().any(|of| of.object == came.object),
         Happening::Boot => matches!(rule.kind, RuleKind::Order | RuleKind::Follow),

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use super::dispatch::concerns;
+use super::happening::Happening;
 use super::info;
 use crate::profile::device::{Condition, Conditions, DeviceRule, Per, RuleKind, Stretch, Trigger, Triggers};
 use crate::profile::{Device, PdoName, Role};
@@ -19,6 +21,8 @@ pub(super) struct Plan {
     watched: Vec<Watched>,
     /// PDOs that rules wait for.
     pub(super) pdos: Vec<PdoName>,
+    /// Rules that SYNC concerns.
+    pub(super) syncs: Vec<usize>,
     /// Rules whose `while` is followed from event to event.
     pub(super) stretches: Vec<usize>,
     /// Kinds of events the rules look at, on CANopen and on J1939.
@@ -43,6 +47,7 @@ impl Plan {
             places: Vec::new(),
             watched: Vec::new(),
             pdos: Vec::new(),
+            syncs: Vec::new(),
             stretches: Vec::new(),
             kinds: (KindSet::NONE, KindSet::NONE),
         };
@@ -114,6 +119,9 @@ impl Plan {
             RuleKind::RemoteLength => names.push("pdo"),
             RuleKind::MaxCount if rule.per == Some(Per::Stretch(Stretch::Sync)) => names.push("sync"),
             _ => {}
+        }
+        if concerns(rule, &Happening::Sync) {
+            self.syncs.push(number);
         }
         if follows_while(rule) {
             self.stretches.push(number);

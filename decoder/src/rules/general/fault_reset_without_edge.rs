@@ -159,6 +159,10 @@ impl Fault {
 }
 
 impl Rule for FaultResetWithoutEdge {
+    fn wants_pdos(&self) -> bool {
+        self.count > 0
+    }
+
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         let Some(node) = event.node else { return };

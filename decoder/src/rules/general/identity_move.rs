@@ -174,6 +174,10 @@ impl IdentityMove {
 }
 
 impl Rule for IdentityMove {
+    fn wants_pdos(&self) -> bool {
+        self.has_moved
+    }
+
     fn begin(&mut self, context: &mut Context<'_>) {
         self.began = context.now;
     }

@@ -231,6 +231,10 @@ impl Pair {
 }
 
 impl Rule for NotFollowing {
+    fn wants_pdos(&self) -> bool {
+        !self.pairs.is_empty()
+    }
+
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match (&event.kind, event.node) {

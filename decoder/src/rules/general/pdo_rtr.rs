@@ -97,6 +97,10 @@ impl PdoRtr {
 }
 
 impl Rule for PdoRtr {
+    fn wants_pdos(&self) -> bool {
+        self.open.iter().any(Option::is_some)
+    }
+
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         let EventKind::Pdo(pdo) = &event.kind else { return };

@@ -79,6 +79,10 @@ impl TrafficBeforeBoot {
 }
 
 impl Rule for TrafficBeforeBoot {
+    fn wants_pdos(&self) -> bool {
+        !self.starting.is_empty()
+    }
+
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         let Some(node) = event.node else {
