@@ -3,7 +3,7 @@
 use super::facts::{about, number, sure};
 use crate::event::{Abort, Direction, Event, EventKind, Outcome, SdoTransfer};
 use crate::profile::device_file::Access;
-use crate::profile::{Device, PdoDirection, PdoName, little_endian};
+use crate::profile::{DataType, Device, PdoDirection, PdoName, little_endian};
 use crate::rules::declaration::declare_rule;
 use crate::rules::{Context, Rule, Setup};
 use crate::session::Node;
@@ -47,63 +47,74 @@ pub(super) fn new(_setup: &Setup) -> MappingInvalid {
     MappingInvalid
 }
 
-/// What is wrong with a mapping parameter's value: `None` where that cannot be said.
-fn judge(node: &Node, name: PdoName, object: ObjectAddress, value: u64) -> Option<Option<String>> {
+/// What a value comes to.
+#[derive(Debug, PartialEq, Eq)]
+enum Judged {
+    /// That cannot be said.
+    Unknown,
+    Right,
+    /// What is wrong.
+    Wrong(String),
+}
+
+/// Judges a mapping parameter's value.
+fn judge(node: &Node, name: PdoName, object: ObjectAddress, value: u64) -> Judged {
     if object.sub == 0 {
         return of_count(node, object.index, value);
     }
     #[expect(clippy::cast_possible_truncation, reason = "fields of a mapping entry")]
     let (mapped, bits) = (ObjectAddress::new((value >> 16) as u16, (value >> 8) as u8), value & 0xFF);
     if value == 0 || mapped.index < DUMMY_END {
-        return None;
+        return Judged::Unknown;
     }
     if bits > MOST_BITS {
-        return Some(Some(format!("{mapped} with {bits} bits, more than the 64 of a PDO")));
+        return Judged::Wrong(format!("{mapped} with {bits} bits, more than the 64 of a PDO"));
     }
     of_file(node.device(), name.direction, mapped, bits)
 }
 
 /// The bits of as many entries; one that was not seen has one at least.
-fn of_count(node: &Node, index: u16, count: u64) -> Option<Option<String>> {
-    let last = u8::try_from(count).ok().filter(|_| (1..=MOST_ENTRIES).contains(&count))?;
+fn of_count(node: &Node, index: u16, count: u64) -> Judged {
+    let Some(number) = u8::try_from(count).ok().filter(|_| (1..=MOST_ENTRIES).contains(&count)) else {
+        return Judged::Unknown;
+    };
     let (mut bits, mut is_sure) = (0, true);
-    for sub in 1..=last {
+    for sub in 1..=number {
         let entry = sure(node, index, sub);
         is_sure &= entry.is_some();
         bits += entry.map_or(1, |entry| entry & 0xFF);
     }
     if bits <= MOST_BITS {
-        return is_sure.then_some(None);
+        return if is_sure { Judged::Right } else { Judged::Unknown };
     }
     let least = if is_sure { "" } else { "at least " };
-    Some(Some(format!("{count} objects of {least}{bits} bits, more than the 64 of a PDO")))
+    Judged::Wrong(format!("{count} objects of {least}{bits} bits, more than the 64 of a PDO"))
 }
 
 /// What the device's EDS says of a mapped object.
-fn of_file(
-    device: &Device,
-    direction: PdoDirection,
-    mapped: ObjectAddress,
-    bits: u64,
-) -> Option<Option<String>> {
-    let file = &device.file.as_ref()?.file;
+fn of_file(device: &Device, direction: PdoDirection, mapped: ObjectAddress, bits: u64) -> Judged {
+    let Some(file) = device.file.as_ref().map(|import| &import.file) else { return Judged::Unknown };
     let by = file.kind.name().to_ascii_uppercase();
     let Some(entry) = file.find(mapped) else {
-        return device.is_file_alone().then(|| Some(format!("{mapped}, which the {by} does not have")));
+        // A profile may describe it.
+        let is_missing = device.is_file_alone();
+        let wrong = || Judged::Wrong(format!("{mapped}, which the {by} does not have"));
+        return if is_missing { wrong() } else { Judged::Unknown };
     };
-    let wide = entry.data_type.and_then(crate::profile::DataType::bits).map(u64::from);
-    let wrong = match (direction, entry.access) {
-        _ if entry.mappable == Some(false) => "which cannot be mapped",
-        (PdoDirection::Receive, Some(Access::Ro | Access::Const)) => "which cannot be written",
-        (PdoDirection::Transmit, Some(Access::Wo)) => "which cannot be read",
-        // Bits are mapped as bytes by many.
-        _ if wide.is_some_and(|wide| wide >= 8 && bits > wide) => {
-            let wide = wide.unwrap_or_default();
-            return Some(Some(format!("{mapped} with {bits} bits; it has {wide} by the {by}")));
+    let wide = entry.data_type.and_then(DataType::bits).map(u64::from);
+    let what = match (direction, entry.access) {
+        _ if entry.mappable == Some(false) => "mapped",
+        (PdoDirection::Receive, Some(Access::Ro | Access::Const)) => "written",
+        (PdoDirection::Transmit, Some(Access::Wo)) => "read",
+        _ => {
+            // Single bits are mapped as bytes by many.
+            return match wide.filter(|wide| *wide >= 8 && bits > *wide) {
+                Some(wide) => Judged::Wrong(format!("{mapped} with {bits} bits; it has {wide} by the {by}")),
+                None => Judged::Right,
+            };
         }
-        _ => return Some(None),
     };
-    Some(Some(format!("{mapped}, {wrong} by the {by}")))
+    Judged::Wrong(format!("{mapped}, not to be {what} by the {by}"))
 }
 
 /// The value that was written, also of a refused write.
@@ -134,16 +145,48 @@ impl Rule for MappingInvalid {
         if is_unused {
             return;
         }
-        let Some(wrong) = judge(node, name, object, value) else { return };
-        match (transfer.outcome, wrong) {
-            (Outcome::Complete, None) => context.pass(),
-            (Outcome::Complete, Some(wrong)) => {
+        match (transfer.outcome, judge(node, name, object, value)) {
+            (Outcome::Complete, Judged::Right) => context.pass(),
+            (Outcome::Complete, Judged::Wrong(wrong)) => {
                 let verb = if direction == Direction::Download { "accepted" } else { "set" };
                 let alarm = context.fail(event).about(about(transfer));
                 alarm.say(|| format!("{verb}: {wrong}"));
             }
-            (_, Some(_)) if matches!(transfer.abort, Some(Abort { by_client: false, .. })) => context.pass(),
+            (_, Judged::Wrong(_)) if matches!(transfer.abort, Some(Abort { by_client: false, .. })) => {
+                context.pass();
+            }
             _ => {}
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::profile::{device_file, imported};
+
+    #[test]
+    fn objects_are_held_to_the_eds() {
+        let text = "[2000]\nParameterName=a\nDataType=6\nAccessType=ro\nPDOMapping=1\n\
+            [2001]\nParameterName=b\nDataType=6\nAccessType=rw\nPDOMapping=0\n\
+            [2002]\nParameterName=c\nDataType=6\nAccessType=wo\nPDOMapping=1\n";
+        let file = Arc::new(device_file::parse(text.as_bytes()).unwrap());
+        let device = imported::device(&file, "a.eds");
+        let of = |direction, index, bits| of_file(&device, direction, ObjectAddress::new(index, 0), bits);
+        let wrong = |text: &str| Judged::Wrong(text.to_owned());
+        let (receive, transmit) = (PdoDirection::Receive, PdoDirection::Transmit);
+        assert_eq!(of(transmit, 0x2000, 16), Judged::Right);
+        assert_eq!(of(transmit, 0x2000, 8), Judged::Right);
+        assert_eq!(of(transmit, 0x2000, 32), wrong("2000:00 with 32 bits; it has 16 by the EDS"));
+        assert_eq!(of(receive, 0x2000, 16), wrong("2000:00, not to be written by the EDS"));
+        assert_eq!(of(receive, 0x2001, 16), wrong("2001:00, not to be mapped by the EDS"));
+        assert_eq!(of(receive, 0x2002, 16), Judged::Right);
+        assert_eq!(of(transmit, 0x2002, 16), wrong("2002:00, not to be read by the EDS"));
+        assert_eq!(of(transmit, 0x2003, 16), wrong("2003:00, which the EDS does not have"));
+        // Without an EDS nothing is said.
+        let plain = crate::profile::plain_device();
+        assert_eq!(of_file(plain, receive, ObjectAddress::new(0x2003, 0), 16), Judged::Unknown);
     }
 }

@@ -5,7 +5,7 @@ use super::sdo_situation::is_told;
 use super::stored::{COMMUNICATION_END, OBJECT_LIMIT, Resets, boot, covers, read, written};
 use crate::event::{BootCause, Event, EventKind, SdoTransfer};
 use crate::profile::object::{Access, Given};
-use crate::profile::{Value, integer, word};
+use crate::profile::{DataType, Entry, Value, integer, word};
 use crate::rules::declaration::declare_rule;
 use crate::rules::{Context, NodeMap, Rule, Setup};
 use crate::session::Node;
@@ -88,24 +88,41 @@ fn is_judged(node: &Node, object: ObjectAddress) -> bool {
 /// Whether data is the default; `None` where there is none, or it cannot be compared.
 fn is_default(node: &Node, object: ObjectAddress, data: &[u8]) -> Option<bool> {
     let entry = node.device().dictionary.find(object)?.entry?;
-    let value = node.meaning(object)?.decode(data);
-    if let Value::Real(read) = value {
-        #[expect(clippy::cast_precision_loss, reason = "a default written as a whole number")]
-        let wanted = match entry.default.as_ref()? {
-            Given::Real(wanted) => *wanted,
-            Given::Number(wanted) => *wanted as f64,
-            Given::Text(_) => return None,
+    equals(entry, node.id().number(), &node.meaning(object)?.decode(data))
+}
+
+/// Whether a value is what an entry gives as delivered, on the node with this number.
+fn equals(entry: &Entry, node: u8, value: &Value) -> Option<bool> {
+    let Value::Real(read) = *value else {
+        let wanted = entry.default_number(Some(node))?;
+        return match integer(value) {
+            Some(read) => Some(read == wanted),
+            None => word(value).map(|read| read == wanted.cast_unsigned()),
         };
-        #[expect(clippy::cast_possible_truncation, reason = "a REAL32 has no more digits than that")]
-        let is_near =
-            read.to_bits() == wanted.to_bits() || (read as f32).to_bits() == (wanted as f32).to_bits();
-        return Some(is_near);
-    }
-    let wanted = entry.default_number(Some(node.id().number()))?;
-    match integer(&value) {
-        Some(read) => Some(read == wanted),
-        None => word(&value).map(|read| read == wanted.cast_unsigned()),
-    }
+    };
+    #[expect(clippy::cast_precision_loss, reason = "a default written as a whole number")]
+    let wanted = match entry.default.as_ref()? {
+        Given::Real(wanted) => *wanted,
+        Given::Number(wanted) => *wanted as f64,
+        Given::Text(_) => return None,
+    };
+    #[expect(clippy::cast_possible_truncation, reason = "a REAL32 has no more digits than that")]
+    let [short_read, short_wanted] = [read as f32, wanted as f32];
+    let is_short = entry.data_type == Some(DataType::Real32);
+    Some(read.to_bits() == wanted.to_bits() || is_short && short_read.to_bits() == short_wanted.to_bits())
+}
+
+/// A value and the default, for people.
+fn shown(node: &Node, object: ObjectAddress, data: &[u8]) -> (String, String) {
+    let Some(meaning) = node.meaning(object) else { return (String::new(), String::new()) };
+    let entry = node.device().dictionary.find(object).and_then(|found| found.entry);
+    let number = entry.and_then(|entry| entry.default_number(Some(node.id().number())));
+    let real = match entry.and_then(|entry| entry.default.as_ref()) {
+        Some(Given::Real(real)) => real.to_string(),
+        _ => String::new(),
+    };
+    let wanted = number.map_or(real, |number| meaning.show(&meaning.number(number)));
+    (meaning.show(&meaning.decode(data)), wanted)
 }
 
 impl ObjectDefault {
@@ -138,20 +155,10 @@ impl ObjectDefault {
             if is_right {
                 return context.pass();
             }
-            let node_id = id.number();
-            let entry = node.device().dictionary.find(object).and_then(|found| found.entry);
-            let (default, data_type) =
-                entry.map_or((None, None), |entry| (entry.default_number(Some(node_id)), entry.data_type));
             let by = node.device().default_origin(object);
-            let meaning = transfer.meaning.clone();
             let alarm = context.fail(event).about(about(transfer));
             alarm.say(|| {
-                let read =
-                    meaning.as_deref().map_or_else(String::new, |it| it.show(&it.decode(&transfer.data)));
-                let wanted = default.zip(meaning.as_deref()).map_or_else(
-                    || format!("another value ({data_type:?})"),
-                    |(number, meaning)| meaning.show(&meaning.number(number)),
-                );
+                let (read, wanted) = shown(node, object, &transfer.data);
                 format!("reads as {read} behind restore and restart; default by {by}: {wanted}")
             });
         }
@@ -209,5 +216,33 @@ impl Rule for ObjectDefault {
         } else if let EventKind::SdoTransfer(transfer) = &event.kind {
             self.transfer(event, node, transfer, context);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::profile::{device_file, imported};
+
+    #[test]
+    fn defaults_are_compared_by_type() {
+        let text = "[1400]\nParameterName=a\nObjectType=9\n\
+            [1400sub1]\nParameterName=b\nDataType=7\nAccessType=rw\nDefaultValue=$NODEID+0x80000200\n\
+            [2000]\nParameterName=c\nDataType=8\nAccessType=rw\nDefaultValue=0.1\n\
+            [2001]\nParameterName=d\nDataType=3\nAccessType=rw\nDefaultValue=0xFFFF\n\
+            [2002]\nParameterName=e\nDataType=5\nAccessType=rw\n";
+        let device = imported::device(&Arc::new(device_file::parse(text.as_bytes()).unwrap()), "a.eds");
+        let of = |index, sub, data: &[u8]| {
+            let entry = device.dictionary.find(ObjectAddress::new(index, sub)).unwrap().entry.unwrap();
+            equals(entry, 5, &entry.data_type.unwrap().decode(data))
+        };
+        assert_eq!(of(0x1400, 1, &[0x05, 0x02, 0, 0x80]), Some(true));
+        assert_eq!(of(0x1400, 1, &[0x06, 0x02, 0, 0x80]), Some(false));
+        assert_eq!(of(0x2000, 0, &0.1_f32.to_le_bytes()), Some(true));
+        assert_eq!(of(0x2000, 0, &0.2_f32.to_le_bytes()), Some(false));
+        assert_eq!(of(0x2001, 0, &[0xFF, 0xFF]), Some(true));
+        assert_eq!(of(0x2002, 0, &[0]), None);
     }
 }

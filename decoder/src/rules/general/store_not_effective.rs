@@ -137,9 +137,10 @@ impl StoreNotEffective {
         let Setting { value, frame, before, is_saved, .. } = stored.expected.swap_remove(place);
         let found = little_endian(&transfer.data);
         let is_there = (found ^ value) & !own_bits(object.index) == 0;
-        // Another write may have made it void: a new mode its own mapping.
-        let entry = context.node(event).and_then(|node| node.store().seen(object));
-        let is_void = entry.is_none_or(|entry| entry.stale);
+        // Another write may have made it void: a new mode its own mapping. Which do the device's profile says.
+        let is_void = context.node(event).is_none_or(|node| {
+            node.store().seen(object).is_none_or(|entry| entry.stale && node.assigned().is_some())
+        });
         match (is_saved, is_there) {
             (true, true) | (false, false) => context.pass(),
             (true, false) if is_void => {}
