@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use cobscope_decoder::finding::{Cause, Findings, Severity};
+use cobscope_decoder::wire::NodeId;
 
 use crate::rules::{judge, parse};
 
@@ -25,7 +26,7 @@ fn findings(text: &str) -> Findings {
 fn of_devices(findings: &Findings) -> Vec<(String, u8, Severity)> {
     let of_device = findings.counting().filter(|group| group.rule.contains(':'));
     of_device
-        .map(|group| (group.rule.to_string(), group.key.node.map_or(0, |node| node.number()), group.severity))
+        .map(|group| (group.rule.to_string(), group.key.node.map_or(0, NodeId::number), group.severity))
         .collect()
 }
 

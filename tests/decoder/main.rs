@@ -15,6 +15,7 @@ mod expectations;
 mod expected;
 mod fields;
 mod filters;
+mod findings_explained;
 mod formats_candump;
 mod formats_pcap;
 mod formats_text;

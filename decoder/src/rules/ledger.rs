@@ -8,7 +8,7 @@ use std::sync::Arc;
 use foldhash::fast::FixedState;
 
 use self::taken::Taken;
-use super::causes::{Effect, Explained, causes};
+use super::causes::{CauseEntry, Effect, Explained, causes};
 use super::conformance::{Run, Standing};
 use super::setup::Setup;
 use crate::event::{FindingNews, FrameRange};
@@ -469,9 +469,9 @@ impl Ledger {
                 continue;
             }
             for cause in causes().of(rule).filter(|cause| cause.effect != Effect::Quality) {
-                let found = self.latest_of(&cause.by, group, cause.is_on_node).filter(|by| {
-                    by.id != group.id && near(group.began().time, by.began().time, cause.within)
-                });
+                let found = self
+                    .latest_of(&cause.by, group, cause.is_on_node)
+                    .filter(|by| by.id != group.id && explains(by.began().time, group.began().time, cause));
                 if let Some(by) = found {
                     links.push((place, by.id, cause.effect));
                     break;
@@ -494,11 +494,16 @@ impl Ledger {
     }
 }
 
-fn near(one: Option<Timestamp>, other: Option<Timestamp>, within: i64) -> bool {
-    match (one, other) {
-        (Some(one), Some(other)) => one.since(other).unsigned_abs() <= within.unsigned_abs(),
-        _ => false,
-    }
+/// What is told late, at a deadline, may have begun before what it explains, in nanoseconds.
+const TOLD_LATE: i64 = 500_000_000;
+
+/// Whether a finding that began at `cause` may explain one that began at `effect`.
+fn explains(cause: Option<Timestamp>, effect: Option<Timestamp>, entry: &CauseEntry) -> bool {
+    let (Some(cause), Some(effect)) = (cause, effect) else { return false };
+    let after = effect.since(cause);
+    // The same trouble told twice may be told in either order.
+    let earliest = if entry.effect == Effect::Same { entry.within } else { TOLD_LATE.min(entry.within) };
+    (-earliest..=entry.within).contains(&after)
 }
 
 /// An occurrence of a deadline.

@@ -70,13 +70,24 @@ impl DeviceRules {
                 self.at_event(event, context);
                 self.reserved(None, event, context, &|case, context| frames::given(case, transfer, context));
             }
+            EventKind::BootUp { .. } => {
+                self.started_anew(event);
+                self.at_event(event, context);
+            }
             EventKind::Emcy(emergency) => {
                 if emergency.boot.is_some() {
-                    self.pdos.forget();
+                    self.started_anew(event);
                 }
                 self.at_event(event, context);
             }
             _ => self.at_event(event, context),
+        }
+    }
+
+    /// Identifiers fall back to what the node keeps.
+    fn started_anew(&mut self, event: &Event) {
+        if event.node.is_some_and(|id| self.nodes.get(id).is_some()) {
+            self.pdos.forget();
         }
     }
 

@@ -3,7 +3,7 @@
 use crate::event::{Abort, Direction, Outcome, SdoTransfer};
 use crate::finding::About;
 use crate::profile::device::{SetTrigger, Trigger, Wanted};
-use crate::profile::object::Numbers;
+use crate::profile::object::{Format, Numbers};
 use crate::profile::{DataType, Meaning, PdoName, Value, integer, little_endian};
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::j1939::Pgn;
@@ -129,9 +129,14 @@ impl<'a> Came<'a> {
 /// A number by its meaning; of bits only the word, as their names would fill the line.
 pub(super) fn show(meaning: &Meaning, raw: i64) -> String {
     let digits = meaning.data_type.and_then(DataType::bits).map_or(0, |bits| usize::from(bits.div_ceil(4)));
-    match meaning.bits {
-        Some(_) => format!("{:0digits$X}h", raw.cast_unsigned()),
-        None => meaning.show(&meaning.number(raw)),
+    match (&meaning.bits, meaning.format) {
+        (Some(_), _) => format!("{:0digits$X}h", raw.cast_unsigned()),
+        // A signature: the first character is in the least significant byte.
+        (None, Format::Ascii) => {
+            let bytes = raw.to_le_bytes().into_iter().take(digits / 2);
+            format!("'{}'", bytes.map(char::from).collect::<String>().escape_default())
+        }
+        (None, _) => meaning.show(&meaning.number(raw)),
     }
 }
 

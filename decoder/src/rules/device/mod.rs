@@ -39,17 +39,11 @@ use crate::wire::NodeId;
 
 /// Whether an event may make another device of a node.
 pub(super) fn attaches(kind: &EventKind) -> bool {
-    matches!(
-        kind,
-        EventKind::NodeIdentified(_)
-            | EventKind::NodeIdChange { .. }
-            | EventKind::AddressClaim(_)
-            | EventKind::BootUp { .. }
-    )
+    matches!(kind, EventKind::NodeIdentified(_) | EventKind::NodeIdChange { .. } | EventKind::AddressClaim(_))
 }
 
 /// Names of the same kinds.
-const ATTACHING: [&str; 4] = ["node-identified", "node-id-change", "address-claim", "boot-up"];
+const ATTACHING: [&str; 3] = ["node-identified", "node-id-change", "address-claim"];
 
 /// The rules of all devices of a bus.
 pub(super) struct DeviceRules {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use foldhash::fast::FixedState;
 
-use super::{Claim, Ledger, near};
+use super::{Claim, Ledger};
 use crate::finding::{About, Cause, Group, Key, RuleInfo, RuleOrigin, Tally};
 
 /// Rules of all devices of a capture, beside the general ones.
@@ -58,7 +58,8 @@ impl Ledger {
     /// The same at the end: the one that takes in may have come later.
     pub(super) fn taken_in_late(&self, rule: &RuleInfo, group: &Group) -> Option<u64> {
         let by = self.groups.get(self.taker(rule, &group.key)?)?;
-        near(group.began().time, by.began().time, WINDOW).then_some(by.id)
+        let (one, other) = group.began().time.zip(by.began().time)?;
+        (one.since(other).unsigned_abs() <= WINDOW.unsigned_abs()).then_some(by.id)
     }
 
     /// Place of the finding at the same node that has the same cause.
