@@ -4,6 +4,7 @@
 #![expect(clippy::disallowed_methods, reason = "tests open files")]
 
 mod corpus;
+mod corpus_conformance;
 mod corpus_j1939;
 mod dbc;
 mod device_files;

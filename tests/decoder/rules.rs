@@ -109,6 +109,11 @@ fn option(text: &str, options: &mut SessionOptions, catalogue: &mut Catalogue) {
     }
 }
 
+/// Nothing is set.
+pub fn plain_setup() -> Setup {
+    Setup::new(&BusFile::default(), "", None).unwrap()
+}
+
 /// News of findings with the number of the frame that brought them, and everything judged.
 pub fn judge(frames: &str, options: &SessionOptions, setup: Setup) -> (Vec<(u64, Event)>, Findings) {
     let mut reader = Reader::open(frames.as_bytes(), &ReadOptions::default()).unwrap();

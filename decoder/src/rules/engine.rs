@@ -123,9 +123,6 @@ impl Engine {
             self.buses.push(BusJudge::new(bus, &self.setup, &mut self.ledger));
         }
         self.events += 1;
-        if let EventKind::TestCase(marker) = &event.kind {
-            self.ledger.mark(*marker, event.frames.last);
-        }
         if let Some(judge) = self.buses.get_mut(index) {
             if self.quality.frames <= STAMPS_JUDGED {
                 judge.shared.granularity = self.quality.granularity().unwrap_or(0);
@@ -135,6 +132,10 @@ impl Engine {
                 self.ledger.saw(event.kind.name(), bus.index(), judge.shared.now);
                 self.quality.event(event);
             }
+        }
+        // Behind the rules: what they say of a case at its end belongs to it.
+        if let EventKind::TestCase(marker) = &event.kind {
+            self.ledger.mark(*marker, event.frames.last);
         }
         if !self.ledger.news.is_empty() || !self.held.is_empty() {
             self.tell(bus, self.quality.has_varied(), out);

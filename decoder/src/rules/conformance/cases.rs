@@ -86,6 +86,7 @@ pub fn cases() -> &'static Cases {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::rules::declarations;
 
     #[test]
     fn the_table_has_all_cases() {
@@ -94,6 +95,16 @@ mod tests {
         for case in file.iter() {
             assert_eq!(case.id, format!("{}.{}", case.group, case.number));
             assert_eq!(file.by_id(&case.id), Some(case));
+        }
+    }
+
+    #[test]
+    fn every_rule_that_is_named_exists() {
+        let known: Vec<_> = declarations().map(|rule| rule.name).collect();
+        for case in cases().iter() {
+            for rule in &case.rules {
+                assert!(known.contains(&rule.as_str()), "{}: {rule}", case.id);
+            }
         }
     }
 }

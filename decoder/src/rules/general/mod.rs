@@ -23,6 +23,7 @@ mod emcy_repeated;
 mod facts;
 mod fault_reset_without_edge;
 mod guard_late;
+mod guard_no_answer;
 mod guard_toggle;
 mod guard_with_heartbeat;
 mod heartbeat_consumer;
@@ -31,12 +32,15 @@ mod identity_move;
 mod isotp_violation;
 mod lss_sequence;
 mod malformed_message;
+mod mapping_invalid;
 mod mapping_procedure;
 mod mode_change_refused_or_ignored;
 mod nmt_command_ignored;
 mod nmt_command_invalid;
 mod node_lost;
 mod not_following;
+mod object_default;
+mod parameter_locked;
 mod pdo_event_timer;
 mod pdo_inhibit_time;
 mod pdo_long;
@@ -49,6 +53,7 @@ mod pdo_sync_cyclic;
 mod read_back;
 mod request_unanswered;
 mod sdo_abort_code;
+mod sdo_answer_mismatch;
 mod sdo_block_crc;
 mod sdo_block_sequence;
 mod sdo_download_refused;
@@ -61,8 +66,12 @@ mod service_in_stopped;
 mod setpoint_not_effective;
 mod spn_not_available;
 mod state_lost;
+mod store_not_effective;
+mod store_signature;
+mod stored;
 mod sync_counter;
 mod sync_period;
+mod sync_producer;
 mod time_not_monotonic;
 mod traffic_before_boot;
 mod transport_violation;
@@ -93,14 +102,22 @@ pub static REGISTRY: &[Entry] = &[
     entry!(node_lost),
     entry!(unexpected_boot),
     entry!(emcy_raised),
+    entry!(sdo_answer_mismatch),
     entry!(sdo_no_response),
     entry!(config_lost),
     entry!(command_gap),
     entry!(guard_late),
+    entry!(guard_no_answer),
     entry!(sync_period),
+    entry!(sync_producer),
     entry!(commands_per_sync),
     entry!(mode_change_refused_or_ignored),
     entry!(mapping_procedure),
+    entry!(mapping_invalid),
+    entry!(parameter_locked),
+    entry!(store_signature),
+    entry!(store_not_effective),
+    entry!(object_default),
     entry!(calibration),
     entry!(state_lost),
     entry!(fault_reset_without_edge),
