@@ -12,33 +12,40 @@ pub(super) fn sure_number(node: &Node, object: ObjectAddress) -> Option<u64> {
 
 /// A set of nodes.
 #[derive(Debug, Clone)]
-pub struct NodeSet([bool; NODE_PLACES]);
+pub struct NodeSet {
+    places: [bool; NODE_PLACES],
+    count: usize,
+}
 
 impl Default for NodeSet {
     fn default() -> Self {
-        Self([false; NODE_PLACES])
+        Self { places: [false; NODE_PLACES], count: 0 }
     }
 }
 
 impl NodeSet {
     /// Adds a node; whether it is new.
     pub fn insert(&mut self, node: NodeId) -> bool {
-        self.0.get_mut(node.place()).is_some_and(|known| !std::mem::replace(known, true))
+        let is_new = self.places.get_mut(node.place()).is_some_and(|known| !std::mem::replace(known, true));
+        self.count += usize::from(is_new);
+        is_new
     }
 
     /// Takes a node out; whether it was in.
     pub fn remove(&mut self, node: NodeId) -> bool {
-        self.0.get_mut(node.place()).is_some_and(std::mem::take)
+        let was_in = self.places.get_mut(node.place()).is_some_and(std::mem::take);
+        self.count -= usize::from(was_in);
+        was_in
     }
 
     /// Whether none is in.
     pub fn is_empty(&self) -> bool {
-        !self.0.contains(&true)
+        self.count == 0
     }
 
     /// Whether a node is in.
     pub fn contains(&self, node: NodeId) -> bool {
-        self.0.get(node.place()).copied().unwrap_or(false)
+        self.places.get(node.place()).copied().unwrap_or(false)
     }
 }
 

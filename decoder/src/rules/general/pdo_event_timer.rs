@@ -74,6 +74,10 @@ impl PdoEventTimer {
 }
 
 impl Rule for PdoEventTimer {
+    fn wants_pdos(&self) -> bool {
+        self.timer.may_be_known()
+    }
+
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {

@@ -88,6 +88,10 @@ impl PdoInhibitTime {
 }
 
 impl Rule for PdoInhibitTime {
+    fn wants_pdos(&self) -> bool {
+        self.inhibit.may_be_known()
+    }
+
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {

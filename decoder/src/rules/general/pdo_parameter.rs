@@ -7,18 +7,25 @@ use crate::profile::PdoDirection;
 use crate::rules::Context;
 use crate::wire::NodeId;
 
+/// PDOs without the parameter after which none of the bus has it: more than there are identifiers.
+const ENOUGH: u32 = 4096;
+
 /// One parameter of the TPDOs of a bus, by the place of their identifiers.
 #[derive(Default)]
 pub(super) struct PdoParameter {
     sub: u8,
     generation: u32,
     known: Vec<(u32, Option<u64>)>,
+    /// It was found for some PDO since it may have changed.
+    is_known: bool,
+    /// PDOs since then for which it was not.
+    in_vain: u32,
 }
 
 impl PdoParameter {
     /// Sub-index `sub` of 1800 and up.
     pub(super) fn new(sub: u8) -> Self {
-        Self { sub, generation: 1, known: Vec::new() }
+        Self { sub, generation: 1, known: Vec::new(), is_known: false, in_vain: 0 }
     }
 
     /// An event may change it; whether it does.
@@ -30,8 +37,16 @@ impl PdoParameter {
             EventKind::BootUp { .. } | EventKind::NmtState(_) | EventKind::LostFrames { .. } => true,
             _ => false,
         };
-        self.generation = self.generation.wrapping_add(u32::from(changes));
+        if changes {
+            self.generation = self.generation.wrapping_add(1);
+            (self.is_known, self.in_vain) = (false, 0);
+        }
         changes
+    }
+
+    /// Whether PDOs may have it: known of none of the last ones it will not be known of the next, until something changes.
+    pub(super) fn may_be_known(&self) -> bool {
+        self.is_known || self.in_vain < ENOUGH
     }
 
     /// Counts changes.
@@ -48,10 +63,14 @@ impl PdoParameter {
         place: usize,
         context: &Context<'_>,
     ) -> Option<u64> {
-        match self.known.get(place) {
+        let value = match self.known.get(place) {
             Some((generation, value)) if *generation == self.generation => *value,
             _ => self.look_up(event.node?, pdo, place, context),
+        };
+        if value.is_none() {
+            self.in_vain = self.in_vain.saturating_add(1);
         }
+        value
     }
 
     #[cold]
@@ -59,6 +78,7 @@ impl PdoParameter {
         let is_sent = pdo.name.direction == PdoDirection::Transmit;
         let node = context.bus.node(node).filter(|_| is_sent);
         let value = node.and_then(|node| sure(node, pdo.name.communication_index(), self.sub));
+        self.is_known |= value.is_some();
         if self.known.len() <= place {
             self.known.resize(place + 1, (0, None));
         }

@@ -37,6 +37,10 @@ pub(super) fn new(_setup: &Setup) -> PdoSyncAcyclic {
 }
 
 impl Rule for PdoSyncAcyclic {
+    fn wants_pdos(&self) -> bool {
+        self.kind.may_be_known()
+    }
+
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {

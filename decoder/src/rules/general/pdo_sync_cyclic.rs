@@ -102,6 +102,10 @@ fn has_several_syncs(bus: &Bus) -> bool {
 }
 
 impl Rule for PdoSyncCyclic {
+    fn wants_pdos(&self) -> bool {
+        self.kind.may_be_known()
+    }
+
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {

@@ -50,6 +50,8 @@ struct Cleared {
 pub(super) struct SyncProducer {
     /// Nodes by their bit as it was last seen.
     produces: NodeMap<bool>,
+    /// Of one of them it is set.
+    is_produced: bool,
     /// Time of the last SYNC, and the interval before it.
     last: Option<(i64, Option<i64>)>,
     cleared: Option<Cleared>,
@@ -67,6 +69,7 @@ impl SyncProducer {
         let produces = value & PRODUCES != 0;
         let before = self.produces.get(node).copied();
         self.produces.insert(node, produces);
+        self.count();
         let was_set = before == Some(true);
         if produces {
             self.cleared = None;
@@ -76,11 +79,15 @@ impl SyncProducer {
         }
     }
 
+    fn count(&mut self) {
+        self.is_produced = self.produces.iter().any(|(_, produces)| *produces);
+    }
+
     fn sync(&mut self, event: &Event, context: &mut Context<'_>) {
         let now = context.now;
         let interval = self.last.map(|(last, _)| now.saturating_sub(last)).filter(|_| context.has_time);
         self.last = Some((now, interval));
-        if self.produces.iter().any(|(_, produces)| *produces) {
+        if self.is_produced {
             return context.pass();
         }
         let is_in_case = self.is_in_case;
@@ -110,6 +117,7 @@ impl Rule for SyncProducer {
             (EventKind::SdoTransfer(transfer), Some(node)) => self.learn(event, node, transfer),
             (EventKind::BootUp { .. }, Some(node)) => {
                 self.produces.remove(node);
+                self.count();
                 if self.cleared.as_ref().is_some_and(|cleared| cleared.node == node) {
                     self.cleared = None;
                 }
