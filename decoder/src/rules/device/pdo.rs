@@ -211,7 +211,8 @@ impl Judged<'_> {
                 integer(&field.value(field.extract(payload)?))
             });
             if let Some(raw) = came {
-                changed |= known != Some(raw);
+                let decides = || self.own.plan.at(place).is_some_and(|watched| watched.is_condition);
+                changed |= known != Some(raw) && decides();
                 let (time, frame) = (context.now, event.frames.last);
                 self.own.seen.put(place, SeenValue { raw, time, frame, is_sent: way == Way::Sent });
             }

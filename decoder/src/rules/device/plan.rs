@@ -37,6 +37,8 @@ pub(super) struct Watched {
     pub(super) rules: Vec<usize>,
     /// It is measured, so its value grows old.
     pub(super) is_measured: bool,
+    /// Conditions look at it.
+    pub(super) is_condition: bool,
 }
 
 impl Plan {
@@ -133,6 +135,10 @@ impl Plan {
             Condition::Object { object, .. } | Condition::Inside { object, .. } => {
                 names.extend(VALUES);
                 self.watch(object.object, None);
+                let watched = self.watched.iter_mut().find(|watched| watched.object == object.object);
+                if let Some(watched) = watched {
+                    watched.is_condition = true;
+                }
             }
             Condition::State(_) => names.push("device-state"),
             Condition::Other(Conditions(all)) => all.iter().for_each(|one| self.condition(one, names)),
@@ -146,7 +152,7 @@ impl Plan {
         if known.is_none() {
             let entry = self.device.dictionary.find(object).and_then(|found| found.entry);
             let is_measured = entry.is_some_and(|entry| entry.look.role == Some(Role::Actual));
-            self.watched.push(Watched { object, rules: Vec::new(), is_measured });
+            self.watched.push(Watched { object, rules: Vec::new(), is_measured, is_condition: false });
         }
         if let (Some(watched), Some(rule)) = (self.watched.get_mut(place), rule)
             && !watched.rules.contains(&rule)
