@@ -1,14 +1,6 @@
 //! What rules remember by node: small tables, an entry a number a node can have.
 
-use crate::session::Node;
-use crate::wire::canopen::ObjectAddress;
 use crate::wire::{NODE_PLACES, NodeId};
-
-/// The number an object was seen to hold, and nothing speaks against it: the node did not restart since.
-pub(super) fn sure_number(node: &Node, object: ObjectAddress) -> Option<u64> {
-    let entry = node.store().seen(object)?;
-    if entry.stale { None } else { node.store().number(object) }
-}
 
 /// A set of nodes.
 #[derive(Debug, Clone)]

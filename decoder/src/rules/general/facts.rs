@@ -18,9 +18,13 @@ pub(super) fn about(transfer: &SdoTransfer) -> About {
     transfer.object.map_or(About::Whole, About::Object)
 }
 
-/// A number a node surely has: written, read or given, and no restart since that may have changed it.
+/// A number a node surely has, by index and sub-index.
 pub(super) fn sure(node: &Node, index: u16, sub: u8) -> Option<u64> {
-    let address = ObjectAddress::new(index, sub);
+    sure_of(node, ObjectAddress::new(index, sub))
+}
+
+/// A number a node surely has: written, read or given, and no restart since that may have changed it.
+pub(super) fn sure_of(node: &Node, address: ObjectAddress) -> Option<u64> {
     let entry = node.store().seen(address)?;
     let is_sure = !entry.stale && entry.origin.kind != OriginKind::Pdo;
     is_sure.then(|| node.store().number(address)).flatten()

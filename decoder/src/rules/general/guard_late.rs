@@ -1,9 +1,9 @@
 //! The master's guarding is late.
 
+use super::facts::sure_of;
 use crate::event::{EmcyAction, Emergency, Event, EventKind, FrameRange};
 use crate::finding::{About, Severity};
 use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::nodes::sure_number;
 use crate::rules::{Context, NodeMap, Rule, Setup};
 use crate::session::Node;
 use crate::wire::NodeId;
@@ -69,8 +69,8 @@ pub(super) fn new(setup: &Setup) -> GuardLate {
 /// Guard time and factor of a node that has both.
 fn life_time(node: Option<&Node>) -> Option<(u16, u8)> {
     let node = node?;
-    let time = u16::try_from(sure_number(node, GUARD_TIME)?).ok()?;
-    let factor = u8::try_from(sure_number(node, LIFE_TIME_FACTOR)?).ok()?;
+    let time = u16::try_from(sure_of(node, GUARD_TIME)?).ok()?;
+    let factor = u8::try_from(sure_of(node, LIFE_TIME_FACTOR)?).ok()?;
     (time > 0 && factor > 0).then_some((time, factor))
 }
 

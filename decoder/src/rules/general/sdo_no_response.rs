@@ -1,7 +1,8 @@
 //! An SDO server does not answer, or takes long.
 
+use super::facts::about;
 use crate::event::{Event, EventKind, Mode, Outcome, SdoTransfer};
-use crate::finding::{About, Severity};
+use crate::finding::Severity;
 use crate::rules::declaration::{declare_rule, tolerance};
 use crate::rules::{Context, Rule, Setup};
 
@@ -75,8 +76,4 @@ impl Rule for SdoNoResponse {
             Outcome::Superseded | Outcome::Incomplete | Outcome::Unfinished => {}
         }
     }
-}
-
-fn about(transfer: &SdoTransfer) -> About {
-    transfer.object.map_or(About::Whole, About::Object)
 }

@@ -1,9 +1,9 @@
 //! SYNC does not come in its period.
 
+use super::facts::sure_of;
 use crate::event::{Event, EventKind, FrameRange};
 use crate::finding::{About, Severity};
 use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::nodes::sure_number;
 use crate::rules::{Context, Rule, Setup};
 use crate::session::{Bus, Node};
 use crate::wire::canopen::ObjectAddress;
@@ -181,12 +181,11 @@ impl SyncPeriod {
 
     /// What the configuration of the nodes says.
     fn configured(&mut self, bus: &Bus) {
-        let of_any = bus.nodes().filter_map(|node| sure_number(node, COB_ID));
+        let of_any = bus.nodes().filter_map(|node| sure_of(node, COB_ID));
         self.is_mixed = of_any.into_iter().any(|id| id & IDENTIFIER != PREDEFINED);
-        let periods = bus
-            .nodes()
-            .filter_map(|node| Some((node, sure_number(node, PERIOD).filter(|period| *period > 0)?)));
-        let produced = |node: &Node| sure_number(node, COB_ID).is_some_and(|id| id & PRODUCES != 0);
+        let periods =
+            bus.nodes().filter_map(|node| Some((node, sure_of(node, PERIOD).filter(|period| *period > 0)?)));
+        let produced = |node: &Node| sure_of(node, COB_ID).is_some_and(|id| id & PRODUCES != 0);
         let mut all: Vec<_> = periods.map(|(node, period)| (produced(node), period)).collect();
         if all.iter().any(|(produces, _)| *produces) {
             all.retain(|(produces, _)| *produces);
@@ -203,7 +202,7 @@ impl SyncPeriod {
     }
 
     fn producers(event: &Event, context: &mut Context<'_>) {
-        let produces = |node: &&Node| sure_number(node, COB_ID).is_some_and(|id| id & PRODUCES != 0);
+        let produces = |node: &&Node| sure_of(node, COB_ID).is_some_and(|id| id & PRODUCES != 0);
         let all: Vec<String> =
             context.bus.nodes().filter(produces).map(|node| node.id().to_string()).collect();
         if all.len() > 1 {
