@@ -80,12 +80,10 @@ impl Rule for PdoEventTimer {
 
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
-        match &event.kind {
-            EventKind::Pdo(pdo) if !pdo.is_request => self.pdo(event, pdo, context),
-            EventKind::Pdo(_) => {}
-            _ => {
-                self.timer.changes(event);
-            }
+        if let EventKind::Pdo(pdo) = &event.kind {
+            self.pdo(event, pdo, context);
+        } else {
+            self.timer.changes(event);
         }
     }
 }

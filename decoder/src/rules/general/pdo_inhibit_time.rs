@@ -94,15 +94,12 @@ impl Rule for PdoInhibitTime {
 
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
-        match &event.kind {
-            EventKind::Pdo(pdo) if !pdo.is_request => self.pdo(event, pdo, context),
-            EventKind::Pdo(_) => {}
-            _ => {
-                self.inhibit.changes(event);
-                if self.kind.changes(event) {
-                    self.short.clear();
-                }
-            }
+        if let EventKind::Pdo(pdo) = &event.kind {
+            return self.pdo(event, pdo, context);
+        }
+        self.inhibit.changes(event);
+        if self.kind.changes(event) {
+            self.short.clear();
         }
     }
 }

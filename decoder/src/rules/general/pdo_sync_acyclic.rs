@@ -44,7 +44,7 @@ impl Rule for PdoSyncAcyclic {
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {
-            EventKind::Pdo(pdo) if !pdo.is_request => {
+            EventKind::Pdo(pdo) => {
                 let Some(slot) = context.traffic.current() else { return };
                 if self.kind.of(event, pdo, slot.place, context) != Some(0) {
                     return;
@@ -57,7 +57,6 @@ impl Rule for PdoSyncAcyclic {
                 let alarm = context.fail(event).about(About::Id(pdo.cob_id)).measure(f64::from(count));
                 alarm.say(|| format!("{name} came {count} times since the last SYNC; its type is 0"));
             }
-            EventKind::Pdo(_) => {}
             _ => {
                 self.kind.changes(event);
             }

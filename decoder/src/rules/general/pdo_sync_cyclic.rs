@@ -108,12 +108,10 @@ impl Rule for PdoSyncCyclic {
 
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
-        match &event.kind {
-            EventKind::Pdo(pdo) if !pdo.is_request => self.pdo(event, pdo, context),
-            EventKind::Pdo(_) => {}
-            _ => {
-                self.kind.changes(event);
-            }
+        if let EventKind::Pdo(pdo) = &event.kind {
+            self.pdo(event, pdo, context);
+        } else {
+            self.kind.changes(event);
         }
     }
 }
