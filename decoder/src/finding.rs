@@ -323,8 +323,6 @@ pub struct Findings {
     pub suppressions: Vec<SuppressionUse>,
     /// Cases of a conformance test that was run, in order.
     pub conformance: Vec<CaseVerdict>,
-    /// Events judged.
-    pub events: u64,
 }
 
 impl Findings {

@@ -40,7 +40,6 @@ pub struct Engine {
     held: Vec<News>,
     /// Kinds that may explain findings or limit the verdicts.
     explaining: KindSet,
-    events: u64,
 }
 
 /// The rules of one bus, and what they share.
@@ -102,7 +101,6 @@ impl Engine {
             quality: Quality::default(),
             held: Vec::new(),
             explaining: explaining.or(limiting),
-            events: 0,
         }
     }
 
@@ -122,7 +120,6 @@ impl Engine {
         while self.buses.len() <= index {
             self.buses.push(BusJudge::new(bus, &self.setup, &mut self.ledger));
         }
-        self.events += 1;
         if let Some(judge) = self.buses.get_mut(index) {
             if self.quality.frames <= STAMPS_JUDGED {
                 judge.shared.granularity = self.quality.granularity().unwrap_or(0);
@@ -165,7 +162,7 @@ impl Engine {
             self.tell(bus, is_timed, out);
         }
         let notes = notes(&self.quality);
-        self.ledger.into_findings(is_timed, notes, self.events)
+        self.ledger.into_findings(is_timed, notes)
     }
 
     /// Writes what is new; findings about times wait until times are known to be real.

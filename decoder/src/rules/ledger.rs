@@ -422,7 +422,7 @@ impl Ledger {
     }
 
     /// Everything judged; of rules that judge times nothing where `is_timed` says so.
-    pub(super) fn into_findings(mut self, is_timed: bool, mut quality: Vec<String>, events: u64) -> Findings {
+    pub(super) fn into_findings(mut self, is_timed: bool, mut quality: Vec<String>) -> Findings {
         self.link_late_causes();
         self.say_unexercised(&mut quality);
         if !is_timed {
@@ -455,7 +455,6 @@ impl Ledger {
             quality,
             suppressions,
             conformance,
-            events,
         }
     }
 
