@@ -1,0 +1,123 @@
+//! Text at a place, cut where its room ends.
+//!
+//! ```text
+//! │spool position err…│        412.3│
+//! ```
+
+use ratatui::buffer::Buffer;
+use ratatui::layout::{Position, Rect};
+use ratatui::style::Style;
+use ratatui::text::{Line, Span};
+
+use crate::theme::{Glyph, Theme};
+
+/// On which side of its room a text stands.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Align {
+    /// Names and sentences.
+    #[default]
+    Left,
+    /// Numbers.
+    Right,
+}
+
+/// A count of lines or columns as the terminal's coordinates have it.
+pub fn cells(count: usize) -> u16 {
+    u16::try_from(count).unwrap_or(u16::MAX)
+}
+
+/// How many columns a text takes.
+pub fn width(text: &str) -> u16 {
+    cells(Span::raw(text).width())
+}
+
+/// Draws a text from `x` on, at most `room` columns; gives the column behind it.
+pub fn put(buf: &mut Buffer, x: u16, y: u16, room: u16, text: &str, style: Style) -> u16 {
+    if buf.area.contains(Position::new(x, y)) {
+        buf.set_stringn(x, y, text, usize::from(room), style).0
+    } else {
+        x
+    }
+}
+
+/// Draws a line into the first line of `area`, with an ellipsis where it had to be cut.
+pub fn line(buf: &mut Buffer, area: Rect, line: &Line<'_>, align: Align, theme: &Theme) {
+    let area = area.intersection(buf.area);
+    if area.is_empty() {
+        return;
+    }
+    let wanted = cells(line.width());
+    if wanted <= area.width {
+        let before = if align == Align::Right { area.width - wanted } else { 0 };
+        buf.set_line(area.x + before, area.y, line, area.width - before);
+        return;
+    }
+    let ellipsis = theme.glyph(Glyph::Ellipsis);
+    let room = area.width.saturating_sub(width(ellipsis));
+    let (end, _) = buf.set_line(area.x, area.y, line, room);
+    put(buf, end, area.y, area.right().saturating_sub(end), ellipsis, line.style);
+}
+
+#[cfg(test)]
+pub mod tests {
+    //! What the tests of all widgets share.
+
+    use super::*;
+    use crate::theme::{Borders, Depth, Palette};
+
+    /// A theme without colours.
+    pub fn plain(borders: Borders) -> Theme {
+        Theme::new(Palette::Dark, Depth::None, borders)
+    }
+
+    /// What a buffer shows, a string a line, without what is blank at the end.
+    pub fn shown(buf: &Buffer) -> Vec<String> {
+        let row = |y| (buf.area.left()..buf.area.right()).map(move |x| (x, y));
+        (buf.area.top()..buf.area.bottom())
+            .map(|y| {
+                let mut wide = 0;
+                let mut text = String::new();
+                for at in row(y) {
+                    // The cell behind a wide character is covered by it.
+                    if wide == 0 {
+                        text.push_str(buf[at].symbol());
+                        wide = width(buf[at].symbol()).max(1);
+                    }
+                    wide -= 1;
+                }
+                text.trim_end().to_owned()
+            })
+            .collect()
+    }
+
+    /// Draws into sizes where not everything has room and asserts that nothing panics.
+    pub fn in_every_small_size(mut draw: impl FnMut(Rect, &mut Buffer)) {
+        for width in 0..14 {
+            for height in 0..5 {
+                let mut buf = Buffer::empty(Rect::new(3, 2, width, height));
+                draw(buf.area, &mut buf);
+                // An area that is larger than the screen, as after a resize.
+                let mut buf = Buffer::empty(Rect::new(0, 0, width, height));
+                draw(Rect::new(1, 1, 40, 12), &mut buf);
+            }
+        }
+    }
+
+    #[test]
+    fn cut_text_ends_with_an_ellipsis() {
+        let drawn = |text: &str, width, align, borders| {
+            let mut buf = Buffer::empty(Rect::new(0, 0, width, 1));
+            line(&mut buf, Rect::new(0, 0, width, 1), &Line::from(text), align, &plain(borders));
+            shown(&buf).remove(0)
+        };
+        assert_eq!(drawn("spool", 6, Align::Left, Borders::Unicode), "spool");
+        assert_eq!(drawn("spool", 6, Align::Right, Borders::Unicode), " spool");
+        assert_eq!(drawn("spool position", 6, Align::Right, Borders::Unicode), "spool…");
+        assert_eq!(drawn("spool position", 6, Align::Left, Borders::Ascii), "spoo..");
+        // A wide character that has no room is left out as a whole.
+        assert_eq!(drawn("日本語", 6, Align::Left, Borders::Unicode), "日本語");
+        assert_eq!(drawn("日本語", 4, Align::Left, Borders::Unicode), "日…");
+        assert_eq!(drawn("ab", 1, Align::Left, Borders::Unicode), "…");
+        assert_eq!(drawn("ab", 1, Align::Left, Borders::Ascii), ".");
+    }
+}

@@ -1,0 +1,6 @@
+//! Parts of the screen that know nothing of CAN: they draw what they are given into an area.
+//!
+//! All are drawn from `&`, hold no clock and stay inside the area they are given, whatever its size.
+
+pub(crate) mod draw;
+pub(crate) mod table;
