@@ -3,4 +3,5 @@
 //! All are drawn from `&`, hold no clock and stay inside the area they are given, whatever its size.
 
 pub(crate) mod draw;
+pub(crate) mod prompt;
 pub(crate) mod table;
