@@ -1,4 +1,4 @@
-//! Text at a place, cut where its room ends.
+//! What all widgets draw with: text at a place, cut where its room ends, and the scrollbar.
 //!
 //! ```text
 //! │spool position err…│        412.3│
@@ -9,7 +9,7 @@ use ratatui::layout::{Position, Rect};
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
-use crate::theme::{Glyph, Theme};
+use crate::theme::{Glyph, Role, Theme};
 
 /// On which side of its room a text stands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -56,6 +56,34 @@ pub fn line(buf: &mut Buffer, area: Rect, line: &Line<'_>, align: Align, theme: 
     let room = area.width.saturating_sub(width(ellipsis));
     let (end, _) = buf.set_line(area.x, area.y, line, room);
     put(buf, end, area.y, area.right().saturating_sub(end), ellipsis, line.style);
+}
+
+/// Draws a scrollbar into the last column of `area`, which shows as many rows as it has lines, from `start` on, of
+/// `count`.
+pub fn scrollbar(buf: &mut Buffer, area: Rect, start: usize, count: usize, theme: &Theme) {
+    let (top, length) = thumb(start, usize::from(area.height), count);
+    for (line, y) in (area.top()..area.bottom()).enumerate() {
+        let is_thumb = (top..top + length).contains(&line);
+        let (glyph, role) =
+            if is_thumb { (Glyph::Bar, Role::Quiet) } else { (Glyph::Vertical, Role::Border) };
+        put(buf, area.right().saturating_sub(1), y, 1, theme.glyph(glyph), theme.style(role));
+    }
+}
+
+/// First line and length of a scrollbar's thumb: at the top only where the first row is in view, at the bottom only
+/// where the last one is.
+fn thumb(start: usize, height: usize, count: usize) -> (usize, usize) {
+    let length = (height * height / count.max(1)).clamp(1, height.max(1));
+    let (lines, rows) = (height.saturating_sub(length), count.saturating_sub(height));
+    let top = match start {
+        0 => 0,
+        _ if start >= rows => lines,
+        // In 128 bits, since a table may have as many rows as there are numbers.
+        _ => usize::try_from(start as u128 * lines as u128 / rows as u128)
+            .unwrap_or(lines)
+            .clamp(1.min(lines), lines.saturating_sub(1).max(1.min(lines))),
+    };
+    (top, length)
 }
 
 #[cfg(test)]
@@ -119,5 +147,16 @@ pub mod tests {
         assert_eq!(drawn("日本語", 4, Align::Left, Borders::Unicode), "日…");
         assert_eq!(drawn("ab", 1, Align::Left, Borders::Unicode), "…");
         assert_eq!(drawn("ab", 1, Align::Left, Borders::Ascii), ".");
+    }
+
+    #[test]
+    fn the_thumb_is_at_an_end_only_there() {
+        assert_eq!(thumb(0, 10, 20), (0, 5));
+        assert_eq!(thumb(1, 10, 20), (1, 5));
+        assert_eq!(thumb(9, 10, 20), (4, 5));
+        assert_eq!(thumb(10, 10, 20), (5, 5));
+        assert_eq!(thumb(1, 10, usize::MAX), (1, 1));
+        assert_eq!(thumb(5, 1, 20), (0, 1));
+        assert_eq!(thumb(5, 2, 20), (1, 1));
     }
 }

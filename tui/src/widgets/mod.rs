@@ -5,3 +5,4 @@
 pub(crate) mod draw;
 pub(crate) mod prompt;
 pub(crate) mod table;
+pub(crate) mod text_lines;

@@ -13,7 +13,7 @@ mod state;
 use std::borrow::Cow;
 
 use ratatui::buffer::Buffer;
-use ratatui::layout::{Position, Rect};
+use ratatui::layout::Rect;
 use ratatui::style::{Modifier, Style};
 use ratatui::text::Line;
 
@@ -223,7 +223,7 @@ impl<'a> Table<'a> {
             }
         }
         if inside.width < area.width {
-            self.draw_scrollbar(area, visible.start, buf);
+            draw::scrollbar(buf, Rect { width: area.width, ..body }, visible.start, self.count, self.theme);
         }
     }
 
@@ -329,42 +329,12 @@ impl<'a> Table<'a> {
             buf.set_style(cell, Style::new().add_modifier(Modifier::UNDERLINED));
         }
     }
-
-    fn draw_scrollbar(&self, area: Rect, start: usize, buf: &mut Buffer) {
-        let body = body(area);
-        let height = usize::from(body.height);
-        let (top, length) = thumb(start, height, self.count);
-        for (line, y) in (body.top()..body.bottom()).enumerate() {
-            let is_thumb = (top..top + length).contains(&line);
-            let (glyph, role) =
-                if is_thumb { (Glyph::Bar, Role::Quiet) } else { (Glyph::Vertical, Role::Border) };
-            if let Some(cell) = buf.cell_mut(Position::new(area.right() - 1, y)) {
-                cell.set_symbol(self.theme.glyph(glyph)).set_style(self.theme.style(role));
-            }
-        }
-    }
 }
 
 /// The area without the titles, for which a single line is too dear.
 fn body(area: Rect) -> Rect {
     let titles = u16::from(area.height > 1);
     Rect { y: area.y + titles, height: area.height - titles, ..area }
-}
-
-/// First line and length of a scrollbar's thumb: at the top only where the first row is in view, at the bottom only
-/// where the last one is.
-fn thumb(start: usize, height: usize, count: usize) -> (usize, usize) {
-    let length = (height * height / count.max(1)).clamp(1, height.max(1));
-    let (lines, rows) = (height.saturating_sub(length), count.saturating_sub(height));
-    let top = match start {
-        0 => 0,
-        _ if start >= rows => lines,
-        // In 128 bits, since a table may have as many rows as there are numbers.
-        _ => usize::try_from(start as u128 * lines as u128 / rows as u128)
-            .unwrap_or(lines)
-            .clamp(1.min(lines), lines.saturating_sub(1).max(1.min(lines))),
-    };
-    (top, length)
 }
 
 #[cfg(test)]
@@ -532,17 +502,6 @@ mod tests {
             [at(9), at(10), at(14), at(15), at(22), at(38), at(39)],
             [None, Some(0), Some(0), Some(1), Some(2), Some(2), None]
         );
-    }
-
-    #[test]
-    fn the_thumb_is_at_an_end_only_there() {
-        assert_eq!(thumb(0, 10, 20), (0, 5));
-        assert_eq!(thumb(1, 10, 20), (1, 5));
-        assert_eq!(thumb(9, 10, 20), (4, 5));
-        assert_eq!(thumb(10, 10, 20), (5, 5));
-        assert_eq!(thumb(1, 10, usize::MAX), (1, 1));
-        assert_eq!(thumb(5, 1, 20), (0, 1));
-        assert_eq!(thumb(5, 2, 20), (1, 1));
     }
 
     #[test]
