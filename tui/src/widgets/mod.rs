@@ -2,6 +2,7 @@
 //!
 //! All are drawn from `&`, hold no clock and stay inside the area they are given, whatever its size.
 
+pub(crate) mod bars;
 pub(crate) mod bits;
 pub(crate) mod draw;
 pub(crate) mod prompt;
