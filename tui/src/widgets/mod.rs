@@ -5,6 +5,7 @@
 pub(crate) mod bars;
 pub(crate) mod bits;
 pub(crate) mod draw;
+pub(crate) mod plot;
 pub(crate) mod prompt;
 pub(crate) mod table;
 pub(crate) mod text_lines;
