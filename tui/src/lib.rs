@@ -5,6 +5,7 @@ mod cmd;
 mod exit_code;
 mod select;
 mod source;
+mod timeline;
 
 use std::process::ExitCode;
 

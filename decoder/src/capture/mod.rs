@@ -161,7 +161,7 @@ impl BusNames {
 }
 
 /// Reader of one format: takes bytes, gives frames. Holds no source, so that it can be cloned.
-pub trait Parser: Send {
+pub trait Parser: Send + Sync {
     /// Takes frames from the front of `input` into `batch` until either runs out; returns how many
     /// bytes it took. `at_end` says that nothing follows `input`.
     ///
