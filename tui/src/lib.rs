@@ -5,7 +5,9 @@ mod cmd;
 mod exit_code;
 mod select;
 mod source;
+mod theme;
 mod timeline;
+mod widgets;
 
 use std::process::ExitCode;
 
