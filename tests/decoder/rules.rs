@@ -241,7 +241,7 @@ fn every_rule_has_a_fixture_in_which_it_fires_and_others_in_which_it_is_silent()
 }
 
 /// Rules of the bundled devices, by the names they have in output.
-fn device_rules() -> BTreeSet<String> {
+pub fn device_rules() -> BTreeSet<String> {
     let catalogue = Catalogue::default();
     let mut names = BTreeSet::new();
     for id in catalogue.ids() {
