@@ -157,3 +157,23 @@ fn what_must_never_happen_is_exercised_once_the_device_is_there() {
     let findings = judged("#! --node 2=rexroth-sydfec", &["082#", "080#"]);
     assert_eq!(of(&findings, "rexroth-sydfec:mapping-is-static"), 1);
 }
+
+/// PVE waives abort codes of the history (1003:01 to 08) alone: 1122_3344 is none of CiA 301.
+#[test]
+fn a_waiver_of_some_objects_holds_for_these_only() {
+    let refused = |object: &str| [format!("620#40{object}00000000"), format!("5A0#80{object}44332211")];
+    let frames: Vec<String> =
+        ["031001", "031008", "031009", "012000"].into_iter().flat_map(refused).collect();
+    let mut head = PVE.to_owned();
+    let rule = "sdo-abort-code";
+    let told = |head: &str| {
+        let findings = judged(head, &frames.iter().map(String::as_str).collect::<Vec<_>>());
+        let groups = findings.groups.iter().filter(|group| *group.rule == *rule);
+        let about: Vec<_> = groups.map(|group| group.key.about.to_string()).collect();
+        let place = findings.rules.iter().position(|info| *info.name == *rule).unwrap();
+        (about.join(" "), findings.tallies[place].waived)
+    };
+    assert_eq!(told(&head), ("1003:09 2001:00".to_owned(), 2));
+    head.push_str("\n#! --protocol canopen");
+    assert_eq!(told(&head.replace(PVE, "")), ("1003:01 1003:08 1003:09 2001:00".to_owned(), 0));
+}

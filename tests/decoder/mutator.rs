@@ -10,6 +10,8 @@
 //! duplicate: SELECTOR by 1ms              frames come twice
 //! swap: SELECTOR                          first and second, third and fourth change their payloads
 //! rename: SELECTOR as 1A5                 another identifier
+//! write: 2/5B00:00 is 2003 at 1.5s        node 2 is written by SDO, and confirms; times and every as for insert
+//! read: 2/2001:00 is 03000000 at 1.5s     it is read
 //! ```
 //!
 //! A selector is an identifier (`705`, `18FECA80`), who sends it (`node:5` of CANopen, `sa:80` of J1939) or `*`,
@@ -157,16 +159,43 @@ fn micros(text: &str) -> i64 {
     whole.parse::<i64>().unwrap() * unit + sign * part
 }
 
+/// Microseconds from a request to its answer.
+const ANSWER: i64 = 1_300;
+
+/// Request and answer of an expedited transfer (CiA 301 7.2.4.3): `2/5B00:00`, bytes as they are sent.
+fn expedited(operator: &str, what: &str, bytes: &str) -> Vec<String> {
+    let (node, object) = what.split_once('/').unwrap_or_else(|| panic!("no node: {what}"));
+    let (index, sub) = object.split_once(':').unwrap_or_else(|| panic!("no sub-index: {what}"));
+    let node: u16 = node.parse().unwrap();
+    let object = format!("{}{}{sub}", &index[2..], &index[..2]);
+    let unused = 4 - bytes.len() / 2;
+    let (request, answer) = match operator {
+        "write" => (format!("{:02X}{object}{bytes:0<8}", 0x23 | unused << 2), format!("60{object}00000000")),
+        _ => (format!("40{object}00000000"), format!("{:02X}{object}{bytes:0<8}", 0x43 | unused << 2)),
+    };
+    vec![format!("{:03X}#{request}", 0x600 + node), format!("{:03X}#{answer}", 0x580 + node)]
+}
+
 /// Changes a capture; one that changes nothing is a mistake.
 pub fn apply(step: &str, lines: &mut Vec<Line>) {
     let (operator, rest) = step.split_once(": ").unwrap_or_else(|| panic!("no operator: {step}"));
     let words = Words::new(rest, lines);
-    if operator == "insert" {
+    let inserted = match operator {
+        "insert" => Some(vec![words.first.to_owned()]),
+        "write" | "read" => Some(expedited(operator, words.first, words.need("is"))),
+        _ => None,
+    };
+    if let Some(frames) = inserted {
         let time = words.moment("at").unwrap_or_else(|| panic!("no 'at': {step}"));
         let every = words.get("every").map_or(0, micros);
         let bus = lines.first().map_or_else(|| "can0".to_owned(), |line| line.bus.clone());
         let times = i64::try_from(words.number("times").unwrap_or(1)).unwrap();
-        lines.extend((0..times).map(|number| Line::new(time + number * every, &bus, words.first)));
+        for number in 0..times {
+            let begin = time + number * every;
+            lines.extend(
+                frames.iter().zip(0..).map(|(frame, at)| Line::new(begin + at * ANSWER, &bus, frame)),
+            );
+        }
     } else {
         let places = words.places(lines);
         assert!(!places.is_empty(), "{step}: no such frames");
@@ -256,5 +285,13 @@ fn operators_change_what_they_say() {
     assert_eq!(changed("duplicate: 705 by 1ms", frames), format!("705#05 {frames}"));
     let inserted = changed("insert: 080# at 50% times 2 every 1s", frames);
     assert_eq!(inserted, "705#05 185#0102 585#4310 080# 185#0304 080# 18FECA80#00");
+    assert_eq!(
+        changed("write: 5/5B00:01 is 2003 at 3.5s", frames),
+        frames.replace(" 18F", " 605#2B005B0120030000 585#60005B0100000000 18F")
+    );
+    assert_eq!(
+        changed("read: 5/2001:00 is 03000000 at 3.5s", frames),
+        frames.replace(" 18F", " 605#4001200000000000 585#4301200003000000 18F")
+    );
     assert_eq!(text(&of(frames)).lines().count(), 5);
 }

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use cobscope_decoder::profile::device::{ProfileFile, Sample};
 use cobscope_decoder::profile::{Catalogue, Device, ProfileError, check};
+use cobscope_decoder::rules::check_names;
 use cobscope_decoder::samples::check_samples;
 
 use crate::support::workspace;
@@ -41,6 +42,9 @@ fn every_bundled_profile_is_right_in_every_variant() {
     assert!(all.len() >= 5);
     let mut report = String::new();
     for Bundled { path, text, file, devices } in &all {
+        for error in check_names(text, file) {
+            writeln!(report, "{}", error.show(path)).unwrap();
+        }
         for device in devices {
             assert!(!device.samples.is_empty(), "{path}");
             for error in [check(text, file, device), check_samples(text, device)].concat() {

@@ -63,6 +63,21 @@ fn the_page() {
     assert_eq!((output.code, output.stderr.as_str()), (1, ""));
 }
 
+/// `fixtures/incidents/`: what is said of each capture is written beside it by hand.
+#[test]
+fn one_trouble_is_one_incident() {
+    for name in ["error-frames", "lost-frames"] {
+        let expected =
+            fs::read_to_string(workspace().join(format!("fixtures/incidents/{name}.expected.txt")));
+        let expected: Vec<_> =
+            expected.unwrap().lines().filter(|line| !line.starts_with('#')).map(ToOwned::to_owned).collect();
+        let output = check(&[&format!("fixtures/incidents/{name}.log")]);
+        let told: Vec<_> = output.stdout.lines().skip(1).take_while(|line| !line.is_empty()).collect();
+        assert_eq!(told, expected, "{name}");
+        assert_eq!(output.code, i32::from(name == "error-frames"), "{name}");
+    }
+}
+
 #[test]
 fn a_capture_there_is_nothing_to_say_of_is_a_row() {
     let output = check(&[CLEAN]);

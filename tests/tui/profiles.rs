@@ -210,6 +210,18 @@ fn what_a_profile_s_grammar_does_not_show_is_found() {
 }
 
 #[test]
+fn waivers_are_of_rules_there_are() {
+    let waiver = "\n[[waiver]]\nrule = \"sdo-short-frame\"\ntext = \"t\"\n";
+    let place = folder("waiver", &format!("{PUMP}{waiver}"));
+    let output = run(&["profiles", "check", &path(&place.join("pump.toml"))], "");
+    let line = PUMP.lines().count() + 3;
+    let said = format!(
+        "pump.toml:{line}:8: there is no rule 'sdo-short-frame' that could be waived; the nearest are "
+    );
+    assert!(output.code == 4 && output.stderr.contains(&said), "{}", output.stderr);
+}
+
+#[test]
 fn samples_are_run() {
     // 01 F2 = 498: 49.8 bar.
     let sample = |value: &str| {

@@ -5,9 +5,8 @@ mod cmd;
 mod exit_code;
 mod select;
 mod source;
-#[cfg_attr(not(test), expect(dead_code, reason = "the terminal UI that uses it is being put together"))]
 mod theme;
-#[cfg_attr(not(test), expect(dead_code, reason = "the terminal UI that uses it is being put together"))]
+mod timeline;
 mod widgets;
 
 use std::process::ExitCode;

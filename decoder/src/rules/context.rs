@@ -122,7 +122,7 @@ pub(super) fn confirmed_state(bus: &Bus, node: NodeId) -> Option<NmtState> {
 /// Whether a device need not obey a rule where it is about this.
 fn waives(waiver: &Waiver, rule: &str, about: &About) -> bool {
     let covers = |object| waiver.objects.iter().any(|range| range.covers(object, 0, 0));
-    waiver.rule == rule
+    waiver.rule.get_ref() == rule
         && (waiver.objects.is_empty() || matches!(about, About::Object(object) if covers(*object)))
 }
 

@@ -325,13 +325,15 @@ impl Ledger {
         }
         for cause in causes().of(rule) {
             let from = claim.now.saturating_sub(cause.within);
-            if let Some(seen) = self.kinds.get(&(cause.by.as_str(), claim.key.bus))
-                && *seen >= from
-            {
-                return Some(Explained { effect: cause.effect, by: Cause::Quality(Arc::clone(&cause.text)) });
-            }
+            // A rule and a kind of event may have one name (node-lost): the rule is meant.
             let by = self.rules.iter().position(|known| *known.name == *cause.by);
-            let Some(by) = by.and_then(|by| u16::try_from(by).ok()) else { continue };
+            let Some(by) = by.and_then(|by| u16::try_from(by).ok()) else {
+                if self.kinds.get(&(cause.by.as_str(), claim.key.bus)).is_some_and(|seen| *seen >= from) {
+                    let by = Cause::Quality(Arc::clone(&cause.text));
+                    return Some(Explained { effect: cause.effect, by });
+                }
+                continue;
+            };
             let node = if cause.is_on_node { claim.key.node } else { None };
             if let Some((place, seen)) = self.latest.get(&(by, claim.key.bus, node))
                 && *seen >= from

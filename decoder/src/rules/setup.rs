@@ -9,6 +9,7 @@ use super::expectation::Expectation;
 use crate::bus_file::{self, BusFile, RuleSettings, Suppression};
 use crate::finding::{Group, RuleInfo, Severity, SuppressionUse};
 use crate::profile::{Catalogue, TextError};
+use crate::query::fields::distance;
 use crate::wire::NodeId;
 
 /// Rules, tolerances, suppressions.
@@ -237,22 +238,7 @@ fn device_rule(catalogue: &Catalogue, profile: &str, name: &str) -> Result<(), S
 
 /// Whether two names differ by a letter or two, or one begins the other.
 fn is_near(known: &str, given: &str) -> bool {
-    if given.len() > 3 && (known.starts_with(given) || given.starts_with(known)) {
-        return true;
-    }
-    let mut row: Vec<usize> = (0..=given.len()).collect();
-    for (number, letter) in known.bytes().enumerate() {
-        let before = std::mem::take(&mut row);
-        let mut next = vec![number + 1];
-        for (place, other) in given.bytes().enumerate() {
-            let change = before.get(place).copied().unwrap_or(0) + usize::from(letter != other);
-            let delete = before.get(place + 1).copied().unwrap_or(0) + 1;
-            let insert = next.last().copied().unwrap_or(0) + 1;
-            next.push(change.min(delete).min(insert));
-        }
-        row = next;
-    }
-    row.last().is_some_and(|distance| *distance <= 2)
+    given.len() > 3 && (known.starts_with(given) || given.starts_with(known)) || distance(known, given) <= 2
 }
 
 #[cfg(test)]

@@ -175,5 +175,9 @@ fn rules(device: &Device) -> Vec<Vec<String>> {
 }
 
 fn waivers(device: &Device) -> Vec<Vec<String>> {
-    device.waivers.iter().map(|it| vec![it.rule.clone(), it.text.clone(), it.source.clone()]).collect()
+    device
+        .waivers
+        .iter()
+        .map(|it| vec![it.rule.get_ref().clone(), it.text.clone(), it.source.clone()])
+        .collect()
 }

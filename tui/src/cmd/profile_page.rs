@@ -40,7 +40,8 @@ pub(super) fn page(device: &Device) -> String {
     section(&mut text, "UDS identifiers", device.uds.identifier.iter().map(|it| uds_line(it.get_ref())));
     section(&mut text, "UDS negative responses", device.uds.nrc.iter().map(nrc_line));
     section(&mut text, "Statements a capture can violate", rules(&device.rules).into_iter().map(rule_line));
-    let waivers = device.waivers.iter().map(|it| format!("{}: {}  {}", it.rule, it.text, cite(&it.source)));
+    let waivers =
+        device.waivers.iter().map(|it| format!("{}: {}  {}", it.rule.get_ref(), it.text, cite(&it.source)));
     section(&mut text, "Waived rules", waivers);
     let entries =
         device.dictionary.own().iter().flat_map(|it| it.entries.iter().map(move |entry| (it, entry)));

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use cobscope_decoder::profile::device::ProfileFile;
 use cobscope_decoder::profile::{Catalogue, Device, ProfileError, check, imported};
+use cobscope_decoder::rules::check_names;
 use cobscope_decoder::samples::check_samples;
 use cobscope_decoder::sink::escape;
 
@@ -185,7 +186,7 @@ fn check_one(path: &Path, name: &str, text: &str) -> bool {
         [] => vec![None],
         variants => variants.iter().map(|variant| Some(variant.id.as_str())).collect(),
     };
-    let mut said: Vec<String> = Vec::new();
+    let mut said: Vec<String> = check_names(text, &file).iter().map(|error| error.show(name)).collect();
     let mut samples = 0;
     for variant in variants {
         let id = variant.map_or(file.id().to_owned(), |variant| format!("{}:{variant}", file.id()));

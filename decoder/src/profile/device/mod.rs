@@ -223,6 +223,20 @@ impl ProfileFile {
         &self.file.variant
     }
 
+    /// Rules that its waivers name, of all variants, with their place in the text.
+    pub fn waived(&self) -> impl Iterator<Item = (&str, Range<usize>)> {
+        self.file.waiver.iter().map(|waiver| (waiver.rule.get_ref().as_str(), waiver.rule.span()))
+    }
+
+    /// Rules that its rules take in, and are not its own, with the place of the rule.
+    pub fn taken_in(&self) -> impl Iterator<Item = (&str, Range<usize>)> {
+        let own = |name: &str| self.file.rule.iter().any(|rule| rule.get_ref().name == name);
+        let each = |rule| -> (&DeviceRule, Range<usize>) { (Spanned::get_ref(rule), Spanned::span(rule)) };
+        let all = self.file.rule.iter().map(each);
+        all.flat_map(|(rule, span)| rule.takes_in.iter().map(move |name| (name.as_str(), span.clone())))
+            .filter(move |(name, _)| !own(name))
+    }
+
     /// Its objects, all variants.
     pub fn objects(&self) -> &Arc<Vec<Object>> {
         &self.objects

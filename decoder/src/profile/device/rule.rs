@@ -15,6 +15,7 @@
 //! - What never started a rule, or never proved its `while`, leaves it *not exercised*.
 
 use serde::Deserialize;
+use toml::Spanned;
 
 use super::condition::{Conditions, Triggers};
 use crate::profile::object::{Numbers, ONCE, Only, Repeat};
@@ -297,7 +298,7 @@ impl DeviceRule {
 #[serde(deny_unknown_fields)]
 pub struct Waiver {
     /// Name of the rule.
-    pub rule: String,
+    pub rule: Spanned<String>,
     /// Why.
     pub text: String,
     /// Only findings about these objects, if any are named.

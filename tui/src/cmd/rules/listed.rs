@@ -85,7 +85,7 @@ fn devices(catalogue: &Catalogue) -> Vec<(String, Arc<Device>)> {
 fn waivers(rule: &str, devices: &[(String, Arc<Device>)]) -> Vec<(String, String)> {
     let mut all = Vec::new();
     for (_, device) in devices {
-        for waiver in device.waivers.iter().filter(|waiver| waiver.rule == rule) {
+        for waiver in device.waivers.iter().filter(|waiver| waiver.rule.get_ref() == rule) {
             let section =
                 if waiver.source.is_empty() { String::new() } else { format!(" [{}]", waiver.source) };
             all.push((device.full_id.clone(), format!("{}{section}", waiver.text)));
