@@ -136,6 +136,22 @@ impl Theme {
         Self { palette, depth, borders }
     }
 
+    /// What the terminal's background is.
+    pub fn palette(&self) -> Palette {
+        self.palette
+    }
+
+    /// How many colours are used.
+    pub fn depth(&self) -> Depth {
+        self.depth
+    }
+
+    /// The same characters in other colours.
+    #[must_use]
+    pub fn with(self, palette: Palette, depth: Depth) -> Self {
+        Self { palette, depth, ..self }
+    }
+
     /// The characters lines and plots are drawn with.
     pub fn borders(&self) -> Borders {
         self.borders
