@@ -26,6 +26,17 @@ pub fn cells(count: usize) -> u16 {
     u16::try_from(count).unwrap_or(u16::MAX)
 }
 
+/// A share from 0 to 1 of a number of steps, rounded to the nearest; what is no number is none of them.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "clamped to 0 and `steps` just before"
+)]
+pub fn part(share: f64, steps: u32) -> u32 {
+    // `as` makes 0 of NaN.
+    (share.clamp(0.0, 1.0) * f64::from(steps)).round() as u32
+}
+
 /// How many columns a text takes.
 pub fn width(text: &str) -> u16 {
     cells(Span::raw(text).width())
