@@ -109,6 +109,7 @@ pub fn run(app: &mut App, screen: &mut Screen, messages: &Receiver<Message>) -> 
                 Message::Gone => return Ok(()),
             }
         }
+        app.tick();
         for output in app.outputs() {
             match output {
                 Output::Quit => return Ok(()),
