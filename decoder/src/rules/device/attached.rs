@@ -3,11 +3,15 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+use super::carried::Load;
 use super::dispatch::waits_for;
+use super::happening::Way;
 use super::plan::Plan;
-use crate::profile::PdoName;
+use crate::event::J1939Message;
 use crate::profile::device::RuleKind;
+use crate::profile::{Layout, PdoName};
 use crate::wire::canopen::ObjectAddress;
+use crate::wire::j1939::Pgn;
 
 /// A time in the clock of the rules, and the frame that came then.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -18,18 +22,31 @@ pub(super) struct Moment {
 
 /// A node whose device has rules.
 pub(super) struct Attached {
-    pub(super) plan: Arc<Plan>,
-    pub(super) seen: Seen,
+    pub(super) known: Known,
     /// What each rule remembers.
     pub(super) courses: Vec<Course>,
-    /// When outputs of the device changed their state.
-    changes: Vec<(Option<u8>, i64)>,
-    /// When the node itself was heard last before the present event.
-    pub(super) heard: Option<i64>,
     /// Something of the node was seen.
     pub(super) is_present: bool,
     /// Room for the values of one PDO: before, and now.
     pub(super) scratch: Vec<(Option<i64>, Option<i64>)>,
+    pub(super) loads: Loads,
+}
+
+/// What rules look at of the messages that came last.
+#[derive(Debug, Default)]
+pub(super) struct Loads(Vec<(Pgn, Option<Arc<Layout>>, Load)>);
+
+/// Messages whose loads are kept.
+const LOAD_LIMIT: usize = 64;
+
+/// What all rules of a node see of it.
+pub(super) struct Known {
+    pub(super) plan: Arc<Plan>,
+    pub(super) seen: Seen,
+    /// When outputs of the device changed their state.
+    changes: Vec<(Option<u8>, i64)>,
+    /// When the node itself was heard last before the present event.
+    pub(super) heard: Option<i64>,
 }
 
 /// Last values in PDOs and messages of the objects that count, by their places in the plan.
@@ -77,17 +94,73 @@ const OBJECT_LIMIT: usize = 256;
 
 impl Attached {
     pub(super) fn new(plan: &Arc<Plan>) -> Self {
-        Self {
+        let known = Known {
             plan: Arc::clone(plan),
             seen: Seen { values: vec![None; plan.watched_count()], is_fresh: false },
-            courses: vec![Course::default(); plan.device.rules.len()],
             changes: Vec::new(),
             heard: None,
+        };
+        Self {
+            known,
+            courses: vec![Course::default(); plan.device.rules.len()],
             is_present: false,
             scratch: Vec::new(),
+            loads: Loads::default(),
         }
     }
 
+    /// The node starts anew, or with another number: what was measured and counted is void.
+    pub(super) fn withdraw(&mut self) {
+        self.loads = Loads::default();
+        for course in &mut self.courses {
+            *course = Course { is_prepared: course.is_prepared, ..Course::default() };
+        }
+    }
+
+    /// All traffic stopped, or frames were lost: no interval and no count goes across.
+    pub(super) fn interrupted(&mut self) {
+        for (course, rule) in self.courses.iter_mut().zip(&self.known.plan.device.rules) {
+            if matches!(rule.kind, RuleKind::MinInterval | RuleKind::MaxInterval | RuleKind::MaxCount) {
+                course.recent.clear();
+                (course.last, course.since, course.count, course.is_counting) = (None, None, 0, false);
+            }
+        }
+    }
+
+    /// A PDO is set up anew: that it does not come tells nothing before it did.
+    pub(super) fn set_up_anew(&mut self, name: PdoName) {
+        for (course, rule) in self.courses.iter_mut().zip(&self.known.plan.device.rules) {
+            if matches!(rule.kind, RuleKind::MaxInterval | RuleKind::Follow) && waits_for(rule, name) {
+                (course.last, course.deadline, course.is_counting) = (None, None, false);
+            }
+        }
+    }
+}
+
+impl Loads {
+    /// What rules look at of a message, where that is known.
+    pub(super) fn take(&mut self, message: &J1939Message, way: Way) -> Option<Load> {
+        let is_same = |known: &Option<Arc<Layout>>| match (known, &message.layout) {
+            (Some(known), Some(layout)) => Arc::ptr_eq(known, layout),
+            (None, None) => true,
+            _ => false,
+        };
+        let place = self
+            .0
+            .iter()
+            .position(|(pgn, layout, load)| *pgn == message.id.pgn && load.way == way && is_same(layout))?;
+        Some(self.0.swap_remove(place).2)
+    }
+
+    pub(super) fn put(&mut self, message: &J1939Message, load: Load) {
+        if self.0.len() >= LOAD_LIMIT {
+            self.0.clear();
+        }
+        self.0.push((message.id.pgn, message.layout.clone(), load));
+    }
+}
+
+impl Known {
     /// An output of the device changed its state.
     pub(super) fn changed(&mut self, channel: Option<u8>, now: i64) {
         match self.changes.iter_mut().find(|(known, _)| *known == channel) {
@@ -102,38 +175,18 @@ impl Attached {
             (channel.is_none() || of.is_none() || *of == channel) && now.saturating_sub(*time) <= settling
         })
     }
-
-    /// The node starts anew, or with another number: what was measured and counted is void.
-    pub(super) fn withdraw(&mut self) {
-        for course in &mut self.courses {
-            *course = Course { is_prepared: course.is_prepared, ..Course::default() };
-        }
-    }
-
-    /// All traffic stopped, or frames were lost: no interval and no count goes across.
-    pub(super) fn interrupted(&mut self) {
-        for (course, rule) in self.courses.iter_mut().zip(&self.plan.device.rules) {
-            if matches!(rule.kind, RuleKind::MinInterval | RuleKind::MaxInterval | RuleKind::MaxCount) {
-                course.recent.clear();
-                (course.last, course.since, course.count, course.is_counting) = (None, None, 0, false);
-            }
-        }
-    }
-
-    /// A PDO is set up anew: that it does not come tells nothing before it did.
-    pub(super) fn set_up_anew(&mut self, name: PdoName) {
-        for (course, rule) in self.courses.iter_mut().zip(&self.plan.device.rules) {
-            if matches!(rule.kind, RuleKind::MaxInterval | RuleKind::Follow) && waits_for(rule, name) {
-                (course.last, course.deadline, course.is_counting) = (None, None, false);
-            }
-        }
-    }
 }
 
 impl Seen {
     /// The value at a place of the plan.
     pub(super) fn get(&self, place: usize) -> Option<SeenValue> {
         self.values.get(place).copied().flatten()
+    }
+
+    /// Its number.
+    #[inline]
+    pub(super) fn raw(&self, place: usize) -> Option<i64> {
+        self.values.get(place)?.map(|value| value.raw)
     }
 
     /// Takes a value; gives the one before.
