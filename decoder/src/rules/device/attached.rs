@@ -7,6 +7,7 @@ use super::carried::Load;
 use super::dispatch::waits_for;
 use super::happening::Way;
 use super::plan::Plan;
+use super::proofs::Proofs;
 use crate::event::J1939Message;
 use crate::profile::device::RuleKind;
 use crate::profile::{Layout, PdoName};
@@ -43,6 +44,7 @@ const LOAD_LIMIT: usize = 64;
 pub(super) struct Known {
     pub(super) plan: Arc<Plan>,
     pub(super) seen: Seen,
+    pub(super) proofs: Proofs,
     /// When outputs of the device changed their state.
     changes: Vec<(Option<u8>, i64)>,
     /// When the node itself was heard last before the present event.
@@ -55,6 +57,10 @@ pub(super) struct Seen {
     values: Vec<Option<SeenValue>>,
     /// The node's start was seen: bits nobody wrote since are clear.
     pub(super) is_fresh: bool,
+    /// Counts changes of values that conditions look at.
+    pub(super) changes: u64,
+    /// Changes of the node's store when such a value came last.
+    stored: u64,
 }
 
 /// A value as it came last.
@@ -76,6 +82,8 @@ pub(super) struct Course {
     pub(super) last: Option<Moment>,
     /// When it is to be looked at again.
     pub(super) deadline: Option<i64>,
+    /// When it will be woken next: a deadline that moves on asks for it once.
+    pub(super) wake: Option<i64>,
     /// How many came, and the first of them.
     pub(super) count: u32,
     pub(super) first: u64,
@@ -96,7 +104,8 @@ impl Attached {
     pub(super) fn new(plan: &Arc<Plan>) -> Self {
         let known = Known {
             plan: Arc::clone(plan),
-            seen: Seen { values: vec![None; plan.watched_count()], is_fresh: false },
+            seen: Seen { values: vec![None; plan.watched_count()], ..Seen::default() },
+            proofs: Proofs::new(plan),
             changes: Vec::new(),
             heard: None,
         };
@@ -112,6 +121,7 @@ impl Attached {
     /// The node starts anew, or with another number: what was measured and counted is void.
     pub(super) fn withdraw(&mut self) {
         self.loads = Loads::default();
+        self.known.seen.changed();
         for course in &mut self.courses {
             *course = Course { is_prepared: course.is_prepared, ..Course::default() };
         }
@@ -189,7 +199,23 @@ impl Seen {
         self.values.get(place)?.map(|value| value.raw)
     }
 
-    /// Takes a value; gives the one before.
+    /// A value that conditions look at came; whether it is another one. After a change of what the node holds it
+    /// counts as one also where it is as before: it is the later one again.
+    #[inline]
+    pub(super) fn decides(&mut self, is_other: bool, stored: u64) {
+        if is_other || self.stored != stored {
+            self.changed();
+            self.stored = stored;
+        }
+    }
+
+    /// What conditions look at is not what it was.
+    pub(super) fn changed(&mut self) {
+        self.changes = self.changes.wrapping_add(1);
+    }
+
+    /// Takes a value.
+    #[inline]
     pub(super) fn put(&mut self, place: usize, value: SeenValue) {
         if let Some(known) = self.values.get_mut(place) {
             *known = Some(value);
@@ -198,12 +224,14 @@ impl Seen {
 
     /// Nothing is known any more.
     pub(super) fn clear(&mut self) {
+        self.changed();
         self.values.fill(None);
         self.is_fresh = false;
     }
 
     /// Nothing is known any more of what the device itself sent.
     pub(super) fn forget_sent(&mut self) {
+        self.changed();
         for value in &mut self.values {
             value.take_if(|value| value.is_sent);
         }

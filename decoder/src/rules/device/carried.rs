@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::happening::Way;
 use super::plan::{Plan, triggers};
 use crate::profile::device::{DeviceRule, RuleKind, Trigger};
-use crate::profile::{BitOrder, DataType, Field, Layout, integer};
+use crate::profile::{Cut, Field, Layout, integer};
 use crate::wire::canopen::ObjectAddress;
 
 /// What the rules of a node look at in a PDO or message.
@@ -27,6 +27,8 @@ pub(super) struct Use {
     pub(super) place: usize,
     /// How it lies in eight bytes, where it does.
     cut: Option<Cut>,
+    /// Conditions look at its values, which do not grow old.
+    pub(super) decides: bool,
     /// Rules that judge its values.
     pub(super) clauses: Vec<Clause>,
     /// Rules whose `while` may hold or not hold from another value on.
@@ -39,18 +41,6 @@ pub(super) struct Clause {
     pub(super) number: usize,
     /// It judges only where one of these bits changed; of none, each value.
     changed: Option<u64>,
-}
-
-/// An integer in eight bytes.
-#[derive(Debug, Clone, Copy)]
-struct Cut {
-    /// Bytes the payload needs for it.
-    bytes: usize,
-    /// Bits above it.
-    above: u32,
-    /// Bits that are not its own.
-    others: u32,
-    is_signed: bool,
 }
 
 /// A payload, and its first eight bytes as a number.
@@ -99,6 +89,7 @@ impl Use {
             field,
             place,
             cut: Cut::of(of),
+            decides: watched.is_condition && !watched.is_measured,
             clauses: clauses.collect(),
             stretches: plan.stretches.iter().filter(is_followed).copied().collect(),
         })
@@ -108,7 +99,7 @@ impl Use {
     #[inline]
     pub(super) fn number(&self, payload: &Payload<'_>) -> Option<i64> {
         match &self.cut {
-            Some(cut) => (payload.bytes.len() >= cut.bytes).then(|| cut.take(payload.word)),
+            Some(cut) => cut.number(payload.word, payload.bytes.len()),
             None => self.other(payload),
         }
     }
@@ -155,28 +146,5 @@ impl Clause {
             (Some(bits), Some(before)) => (before ^ raw).cast_unsigned() & bits != 0,
             _ => true,
         }
-    }
-}
-
-impl Cut {
-    fn of(field: &Field) -> Option<Self> {
-        let width = field.data_type.bits();
-        let is_number = !matches!(field.data_type, DataType::Real32 | DataType::Real64);
-        let is_signed = field.data_type.is_signed();
-        let end = field.end().filter(|end| *end <= 64 && field.order == BitOrder::LittleEndian)?;
-        // A number of 64 bits without sign may be none here.
-        let fits = if is_signed { width.is_some_and(|width| field.bits <= width) } else { field.bits < 64 };
-        (is_number && fits && field.bits > 0).then(|| Self {
-            bytes: usize::from(end.div_ceil(8)),
-            above: 64 - u32::from(end),
-            others: 64 - u32::from(field.bits),
-            is_signed,
-        })
-    }
-
-    #[inline]
-    fn take(self, word: u64) -> i64 {
-        let top = word << self.above;
-        if self.is_signed { top.cast_signed() >> self.others } else { (top >> self.others).cast_signed() }
     }
 }

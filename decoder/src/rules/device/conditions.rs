@@ -56,7 +56,21 @@ pub(super) struct Scene<'a> {
 impl Scene<'_> {
     /// Whether all conditions hold, for an output of the device.
     pub(super) fn all(&self, conditions: &[Condition], channel: Option<u8>) -> Proof {
-        conditions.iter().fold(Proof::Holds, |proof, condition| proof.and(self.holds(condition, channel)))
+        self.of(conditions.iter(), channel)
+    }
+
+    /// The same of some of them.
+    pub(super) fn of<'c>(
+        &self,
+        mut conditions: impl Iterator<Item = &'c Condition>,
+        channel: Option<u8>,
+    ) -> Proof {
+        conditions
+            .try_fold(Proof::Holds, |proof, condition| match proof.and(self.holds(condition, channel)) {
+                Proof::Fails => Err(Proof::Fails),
+                proof => Ok(proof),
+            })
+            .unwrap_or_else(|fails| fails)
     }
 
     /// A condition that is proven not to hold: the object it is about, and what there is instead.

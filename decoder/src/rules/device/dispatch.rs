@@ -51,9 +51,10 @@ impl DeviceRules {
         let bus = context.bus;
         match &event.kind {
             EventKind::NmtCommand { target: 0, .. } | EventKind::Lss { .. } | EventKind::Sync { .. } => {
+                let is_sync = matches!(event.kind, EventKind::Sync { .. });
                 for place in 0..self.ids.len() {
                     let id = self.ids.get(place).copied().filter(|id| id.canopen().is_some());
-                    if let Some(id) = id {
+                    if let Some(id) = id.filter(|id| !is_sync || self.waits_for_sync(*id)) {
                         self.at(id, bus, |judged| judged.event(event, context));
                     }
                 }
@@ -82,6 +83,11 @@ impl DeviceRules {
             }
             _ => self.at_event(event, context),
         }
+    }
+
+    /// Whether a node has rules about SYNC, or may be seen now for the first time.
+    fn waits_for_sync(&self, id: NodeId) -> bool {
+        self.nodes.get(id).is_some_and(|own| !own.is_present || !own.known.plan.syncs.is_empty())
     }
 
     /// Identifiers fall back to what the node keeps.
@@ -131,6 +137,13 @@ impl Judged<'_> {
     /// Numbers of the rules that are picked, those that are switched off apart.
     pub(super) fn numbers(&self, picks: impl Fn(&DeviceRule) -> bool) -> Vec<usize> {
         self.own.known.plan.rules().filter(|(_, rule)| picks(rule)).map(|(number, _)| number).collect()
+    }
+
+    /// What rules know of the node at a time.
+    #[inline]
+    pub(super) fn scene(&self, now: i64) -> Scene<'_> {
+        let Self { bus, id, node, ref own, others } = *self;
+        Scene { bus, id, node, own: &own.known, others, now }
     }
 
     /// Does something with one rule.

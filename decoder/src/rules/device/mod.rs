@@ -19,6 +19,7 @@ mod judge;
 mod order;
 mod pdo;
 mod plan;
+mod proofs;
 mod times;
 mod values;
 

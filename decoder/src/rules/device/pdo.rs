@@ -207,19 +207,26 @@ impl Judged<'_> {
             let (known, came) = (self.own.known.seen.raw(one.place), one.number(payload));
             if let Some(raw) = came {
                 follows |= known != came && !one.stretches.is_empty();
+                if one.decides {
+                    self.own.known.seen.decides(known != came, self.node.store().changes());
+                }
                 self.own.known.seen.put(one.place, SeenValue { raw, time, frame, is_sent });
             }
             before.push((known, came));
         }
         for number in load.rules.iter().copied() {
-            self.one(number, now, context, |case, course, context| {
-                judge::happened(case, course, carrier, context);
-            });
+            if !self.scene(time).rests(number) {
+                self.one(number, now, context, |case, course, context| {
+                    judge::happened(case, course, carrier, context);
+                });
+            }
         }
         for (one, (known, came)) in load.uses.iter().zip(before.iter().copied()) {
             let Some(raw) = came else { continue };
-            for clause in one.clauses.iter().filter(|clause| clause.judges(known, raw)) {
-                self.value(one, clause.number, (known, raw), load.way, payload, now, context);
+            for clause in &one.clauses {
+                if clause.judges(known, raw) && !self.scene(time).rests(clause.number) {
+                    self.value(one, clause.number, (known, raw), load.way, payload, now, context);
+                }
             }
         }
         if follows {

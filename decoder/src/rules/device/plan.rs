@@ -105,12 +105,21 @@ impl Plan {
     pub(super) fn may_begin_or_end(&self, rule: &DeviceRule, object: ObjectAddress) -> bool {
         let concerns = |condition: &Condition| match condition {
             Condition::Object { object: of, .. } | Condition::Inside { object: of, .. } => {
-                let is_measured = self.watched(of.object).is_none_or(|(_, watched)| watched.is_measured);
-                is_measured || of.object == object
+                of.object == object || !self.is_lasting(condition)
             }
             _ => true,
         };
         rule.during.0.iter().any(concerns)
+    }
+
+    /// Whether a condition is about a value that does not grow old.
+    pub(super) fn is_lasting(&self, condition: &Condition) -> bool {
+        match condition {
+            Condition::Object { object, .. } | Condition::Inside { object, .. } => {
+                self.watched(object.object).is_some_and(|(_, watched)| !watched.is_measured)
+            }
+            _ => false,
+        }
     }
 
     fn take(&mut self, number: usize, rule: &DeviceRule, names: &mut Vec<&str>) {
