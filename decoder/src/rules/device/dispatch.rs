@@ -246,7 +246,7 @@ impl Judged<'_> {
             EventKind::SdoTransfer(transfer) => self.transfer(transfer, now, context),
             EventKind::NmtCommand { service, .. } => self.commanded(*service, now, context),
             EventKind::NmtState(change) if change.to != NmtState::Operational => {
-                self.own.known.seen.forget_sent()
+                self.own.known.seen.forget_sent();
             }
             EventKind::NodeLost(_) => self.own.known.seen.forget_sent(),
             EventKind::BootUp { .. } | EventKind::AddressClaim(_) => self.started(now, context),
