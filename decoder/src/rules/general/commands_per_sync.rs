@@ -6,7 +6,7 @@ use crate::profile::device::PdoEffect;
 use crate::profile::{PdoDirection, PdoName};
 use crate::rules::declaration::{declare_rule, tolerance};
 use crate::rules::{Context, Rule, Setup};
-use crate::session::Node;
+use crate::session::{Bus, Node};
 use crate::wire::NodeId;
 
 declare_rule! {
@@ -26,7 +26,7 @@ declare_rule! {
     /// # Mutation
     /// send the RPDO three times between two SYNCs
     "commands-per-sync", Warning, "several commands come between two SYNCs, of which one acts",
-    kinds: ["rpdo", "sync", "node-identified"],
+    kinds: ["rpdo", "sync", "node-identified", "node-id-change"],
     word: "SYNC",
     tolerances: &[
         tolerance("note-count", 1.0, "", "RPDOs of one identifier between two SYNCs, more are a note"),
@@ -54,6 +54,8 @@ pub(super) struct CommandsPerSync {
     /// Places of those that wait.
     waiting: Vec<usize>,
     last: Option<i64>,
+    /// Whether any device has an RPDO that waits for SYNC.
+    may_wait: bool,
 }
 
 pub(super) fn new(setup: &Setup) -> CommandsPerSync {
@@ -63,6 +65,7 @@ pub(super) fn new(setup: &Setup) -> CommandsPerSync {
         commands: Vec::new(),
         waiting: Vec::new(),
         last: None,
+        may_wait: true,
     }
 }
 
@@ -120,6 +123,12 @@ impl CommandsPerSync {
     }
 }
 
+/// Whether any device has an RPDO that waits for SYNC.
+fn may_wait(bus: &Bus) -> bool {
+    let waits = |node: &Node| node.device().pdos.iter().any(|spec| spec.effect == PdoEffect::AtSync);
+    bus.nodes().any(waits)
+}
+
 impl Commands {
     fn take(&mut self, frame: u64) {
         if self.count == 0 {
@@ -131,6 +140,14 @@ impl Commands {
 }
 
 impl Rule for CommandsPerSync {
+    fn begin(&mut self, context: &mut Context<'_>) {
+        self.may_wait = may_wait(context.bus);
+    }
+
+    fn wants_pdos(&self) -> bool {
+        self.may_wait
+    }
+
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {
@@ -139,7 +156,11 @@ impl Rule for CommandsPerSync {
             }
             EventKind::Sync { .. } => self.sync(event, context),
             // Another device, other PDOs.
-            EventKind::NodeIdentified(_) => self.forget(),
+            EventKind::NodeIdentified(_) => {
+                self.forget();
+                self.may_wait = may_wait(context.bus);
+            }
+            EventKind::NodeIdChange { .. } => self.may_wait = may_wait(context.bus),
             _ => {}
         }
     }

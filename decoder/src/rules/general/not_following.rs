@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::event::{Effective, Event, EventKind, FrameRange, Pdo, SetPoint};
 use crate::finding::About;
-use crate::profile::{Carrier, Layout, Meaning, PdoDirection};
+use crate::profile::{Carrier, Cut, Layout, Meaning, PdoDirection};
 use crate::rules::declaration::{declare_rule, tolerance};
 use crate::rules::{Context, NodeSet, Rule, Setup};
 use crate::wire::NodeId;
@@ -68,7 +68,9 @@ struct Pair {
 #[derive(Default)]
 struct Paired {
     layout: Option<Arc<Layout>>,
-    fields: Vec<usize>,
+    node: Option<NodeId>,
+    /// Their places, those of the pairs they belong to, and where their numbers lie.
+    fields: Vec<(usize, usize, Option<Cut>)>,
     /// Which pairs there were when it was looked at last.
     generation: u64,
 }
@@ -146,35 +148,43 @@ impl NotFollowing {
             self.paired.resize_with(place + 1, Paired::default);
         }
         let Some(paired) = self.paired.get_mut(place) else { return };
-        if paired.layout.as_ref().is_none_or(|known| !Arc::ptr_eq(known, layout)) {
-            paired.learn(layout);
-        } else if event.routine && paired.generation == self.generation {
+        let is_known = paired.layout.as_ref().is_some_and(|known| Arc::ptr_eq(known, layout))
+            && paired.generation == self.generation
+            && paired.node == Some(node);
+        if !is_known {
+            paired.learn(layout, node, &self.pairs);
+            paired.generation = self.generation;
+        } else if event.routine {
             return;
         }
-        paired.generation = self.generation;
-        for place in &paired.fields {
-            let Some(field) = layout.fields.get(*place) else { continue };
-            let (Some(meaning), Some(raw)) = (&field.meaning, field.extract(pdo.payload())) else { continue };
-            let own = |pair: &Pair| pair.node == node && Some(pair.set_point) == meaning.of;
-            let Some(place) = self.pairs.iter().position(own) else { continue };
-            let Some(pair) = self.pairs.get_mut(place) else { continue };
+        for (field, place, cut) in &paired.fields {
+            let (Some(field), Some(pair)) = (layout.fields.get(*field), self.pairs.get_mut(*place)) else {
+                continue;
+            };
+            let raw = match cut {
+                Some(cut) => cut.number(pdo.word(), usize::from(pdo.length)).map(i64::cast_unsigned),
+                None => field.extract(pdo.payload()),
+            };
+            let (Some(meaning), Some(raw)) = (&field.meaning, raw) else { continue };
             pair.actual = meaning.scaled(&field.value(raw));
             if pair.full_scale.is_none() {
                 pair.learn(meaning);
             }
-            pair.judge(place, self.share, event.frames.last, context);
+            pair.judge(*place, self.share, event.frames.last, context);
         }
     }
 }
 
 impl Paired {
     #[cold]
-    fn learn(&mut self, layout: &Arc<Layout>) {
-        let follows = |meaning: &Arc<Meaning>| meaning.of.is_some();
-        let fields = layout.fields.iter().enumerate();
-        let fields = fields.filter(|(_, field)| field.meaning.as_ref().is_some_and(follows));
-        self.fields = fields.map(|(place, _)| place).collect();
-        self.layout = Some(Arc::clone(layout));
+    fn learn(&mut self, layout: &Arc<Layout>, node: NodeId, pairs: &[Pair]) {
+        let fields = layout.fields.iter().enumerate().filter_map(|(place, field)| {
+            let of = field.meaning.as_deref()?.of?;
+            let pair = pairs.iter().position(|pair| pair.node == node && pair.set_point == of)?;
+            Some((place, pair, Cut::of(field)))
+        });
+        self.fields = fields.collect();
+        (self.layout, self.node) = (Some(Arc::clone(layout)), Some(node));
     }
 }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::event::{Direction, Event, EventKind, Outcome, Pdo, SdoTransfer};
 use crate::finding::About;
-use crate::profile::{Layout, Meaning, SignalId, Value};
+use crate::profile::{Cut, Field, Layout, Meaning, SignalId, Value};
 use crate::rules::declaration::declare_rule;
 use crate::rules::{Context, Rule, Setup};
 use crate::session::Node;
@@ -27,7 +27,7 @@ declare_rule! {
     /// # Mutation
     /// set the first set point of an RPDO to its largest raw number
     "value-out-of-range", Warning, "a value lies outside what the manual permits",
-    kinds: ["pdo-changed", "sdo-transfer"],
+    kinds: ["pdo-mapped-changed", "sdo-transfer"],
     word: "RANGE",
 }
 
@@ -35,7 +35,15 @@ declare_rule! {
 #[derive(Default)]
 struct Checked {
     layout: Option<Arc<Layout>>,
-    fields: Vec<usize>,
+    fields: Vec<Range>,
+}
+
+/// A field with a range.
+struct Range {
+    /// Its place in the layout.
+    field: usize,
+    /// Where its number lies, and between which numbers nothing is wrong.
+    inside: Option<(Cut, [i64; 2])>,
 }
 
 #[derive(Default)]
@@ -64,8 +72,12 @@ impl ValueOutOfRange {
         }
         let payload = pdo.payload();
         let mut is_right = true;
-        for place in &checked.fields {
-            let Some(field) = layout.fields.get(*place) else { continue };
+        let word = pdo.word();
+        for range in &checked.fields {
+            if range.has(word, payload.len()) {
+                continue;
+            }
+            let Some(field) = layout.fields.get(range.field) else { continue };
             let (Some(meaning), Some(raw)) = (&field.meaning, field.extract(payload)) else { continue };
             let value = field.value(raw);
             if meaning.is_outside(&value) {
@@ -79,6 +91,21 @@ impl ValueOutOfRange {
     }
 }
 
+impl Range {
+    fn new(place: usize, field: &Field) -> Self {
+        let inside = field.meaning.as_deref().and_then(Meaning::inside);
+        Self { field: place, inside: Cut::of(field).zip(inside) }
+    }
+
+    /// Whether the number in a payload surely is inside.
+    #[inline]
+    fn has(&self, word: u64, length: usize) -> bool {
+        self.inside.is_some_and(|(cut, [least, most])| {
+            cut.number(word, length).is_some_and(|number| (least..=most).contains(&number))
+        })
+    }
+}
+
 impl Checked {
     #[cold]
     fn learn(&mut self, layout: &Arc<Layout>, node: Option<&Node>) {
@@ -87,7 +114,7 @@ impl Checked {
                 && matches!(field.id, SignalId::Object(_))
                 && field.meaning.as_deref().is_some_and(|meaning| is_sure(meaning, node))
         });
-        self.fields = fields.map(|(place, _)| place).collect();
+        self.fields = fields.map(|(place, field)| Range::new(place, field)).collect();
         self.layout = Some(Arc::clone(layout));
     }
 }
