@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use crate::event::{Effective, Event, EventKind, FrameRange, Pdo, SetPoint};
+use crate::event::{Effective, Event, EventKind, FrameRange, ModeChange, Pdo, SetPoint};
 use crate::finding::About;
-use crate::profile::{Carrier, Layout, Meaning, PdoDirection};
+use crate::profile::{Carrier, Layout, Meaning, PdoDirection, integer};
 use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, NodeSet, Rule, Setup};
+use crate::rules::{Context, Rule, Setup};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -82,7 +82,8 @@ pub(super) struct NotFollowing {
     paired: Vec<Paired>,
     /// Counts up with the pairs: a payload that stays as it is is looked at once more.
     generation: u64,
-    open_loop: NodeSet,
+    /// Outputs whose mode closes no loop; without a channel the whole device.
+    open_loop: Vec<(NodeId, Option<u8>)>,
 }
 
 pub(super) fn new(setup: &Setup) -> NotFollowing {
@@ -93,7 +94,7 @@ pub(super) fn new(setup: &Setup) -> NotFollowing {
         pairs: Vec::new(),
         paired: Vec::new(),
         generation: 0,
-        open_loop: NodeSet::default(),
+        open_loop: Vec::new(),
     }
 }
 
@@ -102,7 +103,7 @@ impl NotFollowing {
         let (Carrier::Pdo(_), Some(node)) = (&told.carrier, context.node(event)) else { return };
         // A state that follows the control word shows that the contents of the PDOs are as assumed.
         let is_sure = !told.assumed || node.device_states().next().is_some();
-        let acts = told.effective == Effective::Yes && is_sure && !self.open_loop.contains(id);
+        let acts = told.effective == Effective::Yes && is_sure && !self.is_open_loop(id, told.channel);
         let known = self.pairs.iter().position(|pair| pair.node == id && pair.set_point == told.object);
         let place = match known {
             Some(place) => place,
@@ -134,6 +135,25 @@ impl NotFollowing {
         // What was measured before belongs to another set point.
         pair.since = None;
         pair.judge(place, share, event.frames.last, context);
+    }
+
+    /// A mode that says by the profile whether the loop is closed; others say nothing of it.
+    fn mode(&mut self, event: &Event, id: NodeId, mode: &ModeChange, context: &Context<'_>) {
+        let Some(node) = context.node(event) else { return };
+        let entry = node.device().dictionary.find(mode.object).and_then(|found| found.entry);
+        let Some(entry) = entry.filter(|entry| !entry.open_loop.is_empty()) else { return };
+        let value = node.meaning(mode.object).zip(node.store().get(mode.object));
+        let value = value.and_then(|(meaning, held)| integer(&meaning.decode(&held.value)));
+        let place = (id, mode.channel);
+        self.open_loop.retain(|known| *known != place);
+        if value.is_some_and(|value| entry.open_loop.contains(&value)) && self.open_loop.len() < PAIR_LIMIT {
+            self.open_loop.push(place);
+        }
+    }
+
+    fn is_open_loop(&self, id: NodeId, channel: Option<u8>) -> bool {
+        let is_of = |of: &(NodeId, Option<u8>)| of.0 == id && (of.1.is_none() || of.1 == channel);
+        self.open_loop.iter().any(is_of)
     }
 
     fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &mut Context<'_>) {
@@ -253,13 +273,7 @@ impl Rule for NotFollowing {
                 }
                 self.generation += 1;
             }
-            (EventKind::Mode(mode), Some(node)) => {
-                if mode.to.contains("open loop") {
-                    self.open_loop.insert(node);
-                } else {
-                    self.open_loop.remove(node);
-                }
-            }
+            (EventKind::Mode(mode), Some(node)) => self.mode(event, node, mode, context),
             _ => {}
         }
     }
