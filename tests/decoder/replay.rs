@@ -3,11 +3,10 @@
 use std::fs;
 use std::path::Path;
 
-use cobscope_decoder::capture::{Batch, Item, ReadOptions, Reader};
-use cobscope_decoder::decoder::Decoder;
+use cobscope_decoder::capture::{Batch, Merged, MergedCapture, ReadOptions, Reader};
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::replay::{Index, Mark};
+use cobscope_decoder::replay::{Index, MOST_MARKS, Mark, Spot, Told, World};
 use cobscope_decoder::session::{Bus, SessionOptions};
 use cobscope_decoder::sink::jsonl::Jsonl;
 
@@ -20,30 +19,30 @@ fn capture() -> Vec<u8> {
     files.iter().flat_map(|path| fs::read(path).unwrap()).collect()
 }
 
-/// Reads on to the end; gives each event as a JSON line, with the number of frames before its batch.
+fn open(bytes: &[u8]) -> Merged<&[u8]> {
+    let reader = Reader::open(bytes, &ReadOptions::default()).unwrap();
+    Merged::new(vec![MergedCapture { reader, group: 0, shift: 0 }])
+}
+
+/// Reads on to the end; gives each event as its place and a JSON line.
 fn read_on(
-    mut reader: Reader<&[u8]>,
-    mut decoder: Decoder,
-    mut frames: u64,
-    mut between: impl FnMut(u64, &Reader<&[u8]>, &Decoder),
-) -> Vec<(u64, String)> {
+    mut reader: Merged<&[u8]>,
+    mut world: World,
+    mut between: impl FnMut(&Merged<&[u8]>, &World),
+) -> Vec<(Spot, String)> {
     let mut batch = Batch::new();
     let mut lines = Vec::new();
+    let mut see = |told: Told<'_>| lines.push((told.spot, line(told.event, told.bus)));
     loop {
-        between(frames, &reader, &decoder);
+        between(&reader, &world);
         if !reader.read(&mut batch).unwrap() {
             break;
         }
-        let mut see = |event: &Event, bus: &Bus| lines.push((frames, line(event, bus)));
         for item in batch.items() {
-            match item {
-                Item::Frame(frame) => decoder.push(frame, reader.buses(), &mut see),
-                Item::Notice(notice) => decoder.notice(notice, reader.buses(), &mut see),
-            }
+            world.take(item, reader.buses(), &mut see);
         }
-        frames += batch.frames().len() as u64;
     }
-    decoder.finish(reader.buses(), &mut |event: &Event, bus: &Bus| lines.push((frames, line(event, bus))));
+    world.finish(reader.buses(), &mut see);
     lines
 }
 
@@ -56,33 +55,29 @@ fn line(event: &Event, bus: &Bus) -> String {
 #[test]
 fn decoding_on_from_any_mark_equals_decoding_from_the_start() {
     let bytes = capture();
-    let reader = Reader::open(&bytes[..], &ReadOptions::default()).unwrap();
     let mut index = Index::every(1);
-    let all = read_on(reader, Decoder::new(SessionOptions::default()), 0, |frames, reader, decoder| {
-        if index.is_due(frames) {
-            let (position, decoder) = (reader.position(), decoder.clone());
-            index.add(Mark { frames, time: None, position, decoder });
+    let all = read_on(open(&bytes), World::new(SessionOptions::default()), |reader, world| {
+        if index.is_due(world.frames()) {
+            let (position, world) = (reader.position(), world.clone());
+            index.add(Mark { frames: world.frames(), time: world.time(), position, world });
         }
     });
     assert!(index.marks().len() >= 6, "{}", index.marks().len());
     for mark in index.marks() {
-        let rest = &bytes[usize::try_from(mark.position.offset).unwrap()..];
-        let reader = Reader::resume(rest, &mark.position);
-        let again = read_on(reader, mark.decoder.clone(), mark.frames, |_, _, _| ());
-        // Batches are cut elsewhere, so only the lines themselves are compared.
-        let lines = |from: &[(u64, String)]| from.iter().map(|(_, line)| line.clone()).collect::<Vec<_>>();
-        let expected: Vec<_> = all.iter().filter(|(before, _)| *before >= mark.frames).cloned().collect();
-        assert_eq!(lines(&again), lines(&expected), "from frame {}", mark.frames);
+        let offset = usize::try_from(mark.position.offsets().next().unwrap()).unwrap();
+        let reader = Merged::resume(vec![&bytes[offset..]], &mark.position).unwrap();
+        let again = read_on(reader, mark.world.clone(), |_, _| ());
+        let expected: Vec<_> = all.iter().filter(|(spot, _)| *spot >= mark.world.spot()).cloned().collect();
+        assert_eq!(again, expected, "from frame {}", mark.frames);
     }
 }
 
 #[test]
 fn a_checkpoint_is_small() {
     let bytes = capture();
-    let reader = Reader::open(&bytes[..], &ReadOptions::default()).unwrap();
     let mut largest = 0;
-    read_on(reader, Decoder::new(SessionOptions::default()), 0, |_, _, decoder| {
-        largest = largest.max(decoder.footprint());
+    read_on(open(&bytes), World::new(SessionOptions::default()), |_, world| {
+        largest = largest.max(world.footprint());
     });
     assert!(largest > 1_000 && largest <= 256 * 1024, "{largest}");
 }
@@ -90,19 +85,19 @@ fn a_checkpoint_is_small() {
 #[test]
 fn marks_are_found_by_frame_and_time_and_thinned_out() {
     let bytes = capture();
-    let reader = Reader::open(&bytes[..], &ReadOptions::default()).unwrap();
-    let decoder = Decoder::new(SessionOptions::default());
+    let reader = open(&bytes);
+    let world = World::new(SessionOptions::default());
     let mut index = Index::every(10);
     for frames in (0..10_000_u32).step_by(10) {
         let time = (frames > 0).then(|| Timestamp(i64::from(frames)));
-        let (position, decoder) = (reader.position(), decoder.clone());
         if index.is_due(frames.into()) {
-            index.add(Mark { frames: frames.into(), time, position, decoder });
+            let (position, world) = (reader.position(), world.clone());
+            index.add(Mark { frames: frames.into(), time, position, world });
         }
     }
-    assert!(index.marks().len() <= 512);
+    assert!(index.marks().len() <= MOST_MARKS);
     let mark = index.before_frame(5_005).unwrap();
-    assert!((4_960..=5_005).contains(&mark.frames), "{}", mark.frames);
+    assert!((4_600..=5_005).contains(&mark.frames), "{}", mark.frames);
     assert_eq!(index.before_frame(0).unwrap().frames, 0);
     assert!(index.before_time(Timestamp(5_005)).unwrap().frames <= 5_004);
     assert_eq!(index.before_time(Timestamp(-1)).unwrap().frames, 0);

@@ -19,6 +19,7 @@ mod candump;
 mod columns;
 mod compression;
 mod link;
+mod merged;
 mod pcap;
 mod pcapng;
 mod reader;
@@ -32,6 +33,7 @@ use std::fmt;
 pub use batch::{BATCH_FRAMES, Batch, Item};
 pub use candump::TimeStyle;
 pub use compression::{decompress, is_compressed};
+pub use merged::{Merged, MergedCapture, MergedPosition};
 pub use reader::{Position, Reader};
 
 /// Input a parser may be asked to look at before it must take some: longer lines and records are
@@ -159,7 +161,7 @@ impl BusNames {
 }
 
 /// Reader of one format: takes bytes, gives frames. Holds no source, so that it can be cloned.
-pub trait Parser: Send {
+pub trait Parser: Send + Sync {
     /// Takes frames from the front of `input` into `batch` until either runs out; returns how many
     /// bytes it took. `at_end` says that nothing follows `input`.
     ///

@@ -2,22 +2,25 @@
 //! wanted.
 //!
 //! ```text
-//! frame   0 ────── 50,000 ────── 100,000 ──▶          each mark: reader's position + decoder's clone
-//!         mark     mark          mark
+//! frame   0 ────── 262,144 ────── 524,288 ──▶          each mark: reader's position + clone of the world
+//!         mark     mark           mark
 //! ```
 //!
 //! A checkpoint shares the object stores with its neighbours as long as nothing changed in them, so it
-//! costs what the buses themselves hold ([`Decoder::footprint`]).
+//! costs what the buses themselves hold ([`World::footprint`]).
 
-use crate::capture::Position;
-use crate::decoder::Decoder;
+mod world;
+
+pub use world::{Counts, Spot, Told, World};
+
+use crate::capture::MergedPosition;
 use crate::frame::Timestamp;
 
 /// Frames between two checkpoints.
-pub const INTERVAL: u64 = 50_000;
+pub const INTERVAL: u64 = 262_144;
 
 /// Most checkpoints: when there are more, every second one goes and the interval doubles.
-pub const MOST_MARKS: usize = 512;
+pub const MOST_MARKS: usize = 64;
 
 /// One place from which decoding can go on.
 #[derive(Clone)]
@@ -26,10 +29,10 @@ pub struct Mark {
     pub frames: u64,
     /// Time of the frame before it, if it has one.
     pub time: Option<Timestamp>,
-    /// Where the reader goes on.
-    pub position: Position,
-    /// State of the decoder there.
-    pub decoder: Decoder,
+    /// Where reading goes on.
+    pub position: MergedPosition,
+    /// What is known there.
+    pub world: World,
 }
 
 /// Checkpoints of one capture, in order.

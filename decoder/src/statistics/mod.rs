@@ -3,6 +3,7 @@
 mod bits;
 mod bus;
 mod distribution;
+mod identifiers;
 mod intervals;
 mod j1939;
 mod load;
@@ -12,6 +13,7 @@ mod quality;
 pub use bits::frame_bits;
 pub use bus::{BusStatistics, IdStatistics, MasterStatistics};
 pub use distribution::Distribution;
+pub use identifiers::{IdentifierRow, Identifiers, MOST_ROWS};
 pub use intervals::Intervals;
 pub use j1939::{AddressStatistics, dtc_key, dtc_of_key};
 pub use load::Load;

@@ -1,6 +1,7 @@
 //! All input: files and standard input, decompressed, as readers of frames.
 
 mod progress;
+mod store;
 
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -12,6 +13,7 @@ use anyhow::Context as _;
 use cobscope_decoder::capture::{ReadOptions, Reader, decompress};
 
 pub use progress::Progress;
+pub use store::{Store, StoreReader};
 
 /// Bytes read ahead only to see whether the file is compressed; larger reads pass by this buffer.
 const HEAD: usize = 16 * 1024;

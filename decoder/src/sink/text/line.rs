@@ -32,6 +32,29 @@ pub(super) struct Columns {
     pub(super) tone: Tone,
 }
 
+/// An event in words, as a line of text shows it; control characters are not yet escaped.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Line {
+    /// Node, or sender → receiver.
+    pub who: String,
+    /// Kind in at most six letters.
+    pub kind: &'static str,
+    /// What happened.
+    pub what: String,
+    /// How it looks.
+    pub tone: Tone,
+}
+
+impl Line {
+    /// The words of an event.
+    pub fn of(event: &Event, bus: &Bus) -> Self {
+        let mut columns = Columns::default();
+        columns.fill(event, bus);
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        Self { who: text(&columns.who), kind: columns.kind, what: text(&columns.what), tone: columns.tone }
+    }
+}
+
 impl Columns {
     /// Replaces all of them by those of an event.
     pub(super) fn fill(&mut self, event: &Event, bus: &Bus) {

@@ -21,6 +21,8 @@ mod uds;
 
 use std::io::{self, Write};
 
+pub use line::Line;
+pub use news::News;
 pub use time::TimeColumn;
 
 use crate::event::{Event, EventKind};
@@ -63,19 +65,24 @@ pub struct Text<W> {
     options: TextOptions,
     clock: time::Clock,
     columns: line::Columns,
-    news: news::News,
+    news: News,
     line: Vec<u8>,
     error: Option<io::Error>,
 }
 
 /// How serious a line looks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-enum Tone {
+pub enum Tone {
+    /// A fact like others.
     #[default]
     Plain,
+    /// A repetition.
     Quiet,
+    /// Something wanted.
     Good,
+    /// Something to look at.
     Caution,
+    /// Something wrong.
     Bad,
 }
 
@@ -101,7 +108,7 @@ impl<W: Write> Text<W> {
             options,
             clock,
             columns: line::Columns::default(),
-            news: news::News::default(),
+            news: News::default(),
             line,
             error: None,
         }
@@ -163,17 +170,9 @@ impl<W: Write> Text<W> {
 
     fn is_shown(&mut self, event: &Event) -> bool {
         match &event.kind {
-            EventKind::Pdo(pdo) => match self.options.pdo {
+            EventKind::Pdo(_) | EventKind::J1939Message(_) => match self.options.pdo {
                 PdoLines::All => true,
-                PdoLines::Change => {
-                    let layout = pdo.layout.as_deref().filter(|_| !pdo.is_request);
-                    !event.routine && self.news.is_news(event.bus, pdo.cob_id, layout, pdo.payload())
-                }
-                PdoLines::None => false,
-            },
-            EventKind::J1939Message(message) => match self.options.pdo {
-                PdoLines::All => true,
-                PdoLines::Change => !event.routine && self.news.is_message_news(event.bus, message),
+                PdoLines::Change => self.news.has(event),
                 PdoLines::None => false,
             },
             EventKind::Frame(_) if self.options.frames => true,

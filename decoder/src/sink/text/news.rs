@@ -5,7 +5,7 @@ use std::collections::HashMap;
 
 use foldhash::fast::FixedState;
 
-use crate::event::J1939Message;
+use crate::event::{Event, EventKind, J1939Message};
 use crate::frame::{BusIndex, CanId};
 use crate::profile::{Field, Layout, Meaning, Role};
 
@@ -16,15 +16,37 @@ const SHARE: u64 = 100;
 const MOST: usize = 4096;
 
 /// What was printed last, by bus and identifier.
-#[derive(Debug, Default)]
-pub(super) struct News {
+#[derive(Debug, Clone, Default)]
+pub struct News {
     printed: HashMap<(BusIndex, CanId), Box<[u8]>, FixedState>,
 }
 
 impl News {
+    /// Whether an event says something new, so that a reader of changes wants to see it. Ask once for each
+    /// event, in order: what a PDO is compared with is the last one that was news.
+    pub fn has(&mut self, event: &Event) -> bool {
+        if event.routine {
+            return false;
+        }
+        match &event.kind {
+            EventKind::Pdo(pdo) => {
+                let layout = pdo.layout.as_deref().filter(|_| !pdo.is_request);
+                self.is_news(event.bus, pdo.cob_id, layout, pdo.payload())
+            }
+            EventKind::J1939Message(message) => self.is_message_news(event.bus, message),
+            _ => true,
+        }
+    }
+
+    /// Bytes held.
+    pub fn footprint(&self) -> usize {
+        self.printed.len() * 2 * size_of::<((BusIndex, CanId), Box<[u8]>)>()
+            + self.printed.values().map(|payload| payload.len()).sum::<usize>()
+    }
+
     /// Whether a PDO that changed says something no other line says. What it is compared with is the
     /// last one that did.
-    pub(super) fn is_news(
+    fn is_news(
         &mut self,
         bus: BusIndex,
         id: CanId,
@@ -45,7 +67,7 @@ impl News {
 
     /// The same of a J1939 message. Of one nobody knows, only the first is news: most are measured values,
     /// and their bytes say little.
-    pub(super) fn is_message_news(&mut self, bus: BusIndex, message: &J1939Message) -> bool {
+    fn is_message_news(&mut self, bus: BusIndex, message: &J1939Message) -> bool {
         let payload = message.payload();
         self.differs((bus, message.can_id), payload, |before| {
             let fields = message.layout.iter().flat_map(|layout| &layout.fields);

@@ -1,0 +1,269 @@
+//! What each identifier carried last, how often and how regularly: a row an identifier, bus and direction.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use foldhash::fast::FixedState;
+
+use super::Intervals;
+use crate::event::{Event, EventKind};
+use crate::frame::{BusIndex, CanId, Frame, FrameFlags, MAX_DATA, Timestamp};
+use crate::profile::{Layout, PdoName};
+use crate::wire::NodeId;
+
+/// Identifiers counted one by one on all buses; frames of further ones are counted together.
+pub const MOST_ROWS: usize = 4096;
+
+/// 11-bit identifiers, and the same again for remote frames.
+const STANDARD: usize = 2 * 2048;
+
+/// No row.
+const NONE: u16 = u16::MAX;
+
+/// One identifier of one bus; remote frames have a row of their own.
+#[derive(Debug, Clone)]
+pub struct IdentifierRow {
+    /// Bus.
+    pub bus: BusIndex,
+    /// Identifier.
+    pub id: CanId,
+    /// Whether these are remote frames.
+    pub is_remote: bool,
+    /// Frames.
+    pub count: u64,
+    /// Time between them.
+    pub intervals: Intervals,
+    /// Number of the last one.
+    pub last_frame: u64,
+    /// Its time.
+    pub last_time: Option<Timestamp>,
+    /// Nanoseconds between the last two.
+    pub last_gap: Option<i64>,
+    /// Bytes of its payload that differ from the one before, a bit a byte, bit 0 the first.
+    pub changed: u64,
+    /// Bytes that ever differed.
+    pub ever_changed: u64,
+    /// Node it belongs to, where its events say so.
+    pub node: Option<NodeId>,
+    /// PDO it is.
+    pub pdo: Option<PdoName>,
+    /// What its bits mean.
+    pub layout: Option<Arc<Layout>>,
+    length: u8,
+    bytes: [u8; MAX_DATA],
+}
+
+impl IdentifierRow {
+    /// Payload of the last frame.
+    pub fn payload(&self) -> &[u8] {
+        self.bytes.get(..usize::from(self.length)).unwrap_or(&self.bytes)
+    }
+
+    fn new(frame: &Frame) -> Self {
+        Self {
+            bus: frame.bus,
+            id: frame.id,
+            is_remote: frame.flags.contains(FrameFlags::REMOTE),
+            count: 0,
+            intervals: Intervals::default(),
+            last_frame: 0,
+            last_time: None,
+            last_gap: None,
+            changed: 0,
+            ever_changed: 0,
+            node: None,
+            pdo: None,
+            layout: None,
+            length: 0,
+            bytes: [0; MAX_DATA],
+        }
+    }
+
+    fn take(&mut self, frame: &Frame) {
+        let data = frame.data();
+        if self.count > 0 && self.payload() != data {
+            self.changed = differences(self.payload(), data);
+            self.ever_changed |= self.changed;
+        } else {
+            self.changed = 0;
+        }
+        self.count += 1;
+        self.last_frame = frame.number;
+        self.length = u8::try_from(data.len()).unwrap_or(0);
+        if let Some(kept) = self.bytes.get_mut(..data.len()) {
+            kept.copy_from_slice(data);
+        }
+        if let Some(time) = frame.time {
+            self.last_gap = self.last_time.map(|last| time.since(last));
+            self.intervals.add(time.0);
+        }
+        self.last_time = frame.time;
+    }
+}
+
+/// Bytes that differ, those only one has among them.
+fn differences(before: &[u8], now: &[u8]) -> u64 {
+    let differs = |at: usize| before.get(at) != now.get(at);
+    (0..before.len().max(now.len()).min(MAX_DATA))
+        .filter(|at| differs(*at))
+        .fold(0, |bits, at| bits | 1 << at)
+}
+
+/// All identifiers seen, in order of appearance.
+#[derive(Debug, Clone, Default)]
+pub struct Identifiers {
+    rows: Vec<IdentifierRow>,
+    standard: Vec<Box<[u16]>>,
+    extended: HashMap<(BusIndex, u32, bool), u16, FixedState>,
+    others: u64,
+}
+
+impl Identifiers {
+    /// Takes a frame; gives the place of its row.
+    pub fn frame(&mut self, frame: &Frame) -> Option<usize> {
+        if frame.flags.contains(FrameFlags::ERROR) {
+            return None;
+        }
+        let place = self.place(frame);
+        match place.and_then(|place| self.rows.get_mut(place)) {
+            Some(row) => row.take(frame),
+            None => self.others += 1,
+        }
+        place
+    }
+
+    /// Takes an event of the frame whose row is at `place`.
+    #[inline]
+    pub fn event(&mut self, place: usize, event: &Event) {
+        let (layout, name) = match &event.kind {
+            EventKind::Pdo(pdo) => (&pdo.layout, Some(pdo.name)),
+            EventKind::J1939Message(message) => (&message.layout, None),
+            EventKind::Frame(undecoded) => {
+                let layout = undecoded.message.as_ref().map(|message| &message.layout);
+                return self.describe(place, layout, None, event.node);
+            }
+            EventKind::Heartbeat { .. } | EventKind::GuardReply { .. } | EventKind::Emcy(_) => {
+                return self.describe(place, None, None, event.node);
+            }
+            _ => return,
+        };
+        self.describe(place, layout.as_ref(), name, event.node);
+    }
+
+    fn describe(
+        &mut self,
+        place: usize,
+        layout: Option<&Arc<Layout>>,
+        pdo: Option<PdoName>,
+        node: Option<NodeId>,
+    ) {
+        let Some(row) = self.rows.get_mut(place) else { return };
+        (row.node, row.pdo) = (node, pdo);
+        let is_known = match (&row.layout, layout) {
+            (Some(known), Some(layout)) => Arc::ptr_eq(known, layout),
+            (None, None) => true,
+            _ => false,
+        };
+        if !is_known {
+            row.layout = layout.cloned();
+        }
+    }
+
+    fn place(&mut self, frame: &Frame) -> Option<usize> {
+        let is_remote = frame.flags.contains(FrameFlags::REMOTE);
+        let found = match frame.id {
+            CanId::Standard(id) => {
+                let bus = usize::from(frame.bus.0);
+                while self.standard.len() <= bus {
+                    self.standard.push(vec![NONE; STANDARD].into());
+                }
+                let at = usize::from(id) + if is_remote { STANDARD / 2 } else { 0 };
+                self.standard.get_mut(bus)?.get_mut(at)?
+            }
+            CanId::Extended(id) => {
+                let key = (frame.bus, id, is_remote);
+                if self.rows.len() >= MOST_ROWS && !self.extended.contains_key(&key) {
+                    return None;
+                }
+                self.extended.entry(key).or_insert(NONE)
+            }
+        };
+        if *found == NONE {
+            if self.rows.len() >= MOST_ROWS {
+                return None;
+            }
+            *found = u16::try_from(self.rows.len()).ok()?;
+            self.rows.push(IdentifierRow::new(frame));
+        }
+        Some(usize::from(*found))
+    }
+
+    /// Rows in order of appearance.
+    pub fn rows(&self) -> &[IdentifierRow] {
+        &self.rows
+    }
+
+    /// Frames of identifiers beyond [`MOST_ROWS`].
+    pub fn others(&self) -> u64 {
+        self.others
+    }
+
+    /// Bytes held.
+    pub fn footprint(&self) -> usize {
+        self.rows.len() * size_of::<IdentifierRow>()
+            + self.standard.len() * STANDARD * size_of::<u16>()
+            + self.extended.len() * 2 * size_of::<(BusIndex, u32, bool, u16)>()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(number: u64, id: CanId, data: &[u8]) -> Frame {
+        let milliseconds = i64::try_from(number).unwrap();
+        Frame {
+            number,
+            time: Some(Timestamp(milliseconds * 1_000_000)),
+            ..Frame::data_frame(id, data)
+        }
+    }
+
+    #[test]
+    fn a_row_tells_the_last_payload_and_what_changed() {
+        let mut all = Identifiers::default();
+        let id = CanId::standard(0x185);
+        all.frame(&frame(10, id, &[1, 2, 3]));
+        all.frame(&frame(20, id, &[1, 9, 3]));
+        all.frame(&frame(35, id, &[1, 9, 3, 4]));
+        let row = &all.rows()[0];
+        assert_eq!((row.count, row.payload()), (3, &[1, 9, 3, 4][..]));
+        // The fourth byte is new; the second changed before.
+        assert_eq!((row.changed, row.ever_changed), (0b1000, 0b1010));
+        assert_eq!((row.last_gap, row.intervals.mean()), (Some(15_000_000), Some(12_500_000)));
+        all.frame(&frame(45, id, &[1, 9, 3, 4]));
+        assert_eq!(all.rows()[0].changed, 0);
+    }
+
+    #[test]
+    fn remote_frames_and_long_identifiers_are_rows_of_their_own() {
+        let mut all = Identifiers::default();
+        let mut remote = frame(1, CanId::standard(0x705), &[]);
+        remote.flags = FrameFlags::REMOTE;
+        all.frame(&remote);
+        all.frame(&frame(2, CanId::standard(0x705), &[5]));
+        all.frame(&frame(3, CanId::extended(0x705), &[5]));
+        assert_eq!(all.rows().iter().map(|row| row.count).collect::<Vec<_>>(), [1, 1, 1]);
+    }
+
+    #[test]
+    fn rows_are_bounded() {
+        let mut all = Identifiers::default();
+        for id in 0..5_000 {
+            all.frame(&frame(u64::from(id), CanId::extended(id), &[]));
+        }
+        all.frame(&frame(1, CanId::standard(1), &[]));
+        assert_eq!((all.rows().len(), all.others()), (MOST_ROWS, 5_001 - MOST_ROWS as u64));
+        assert!(all.footprint() < 2 * 1024 * 1024);
+    }
+}

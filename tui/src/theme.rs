@@ -1,0 +1,412 @@
+//! How things look: the one place that knows colours, attributes, border characters and glyphs.
+//!
+//! ```text
+//!            Depth::Full          Depth::Sixteen       Depth::None
+//! Bad        red, bold            light red, bold      bold, underlined
+//! Selected   grey background      reversed             reversed
+//! ```
+//!
+//! Widgets and panes ask for a [`Role`], never for a colour. A role is a row of a table; what must be told
+//! apart differs in every depth, so that nothing is said by colour alone.
+
+use ratatui::style::{Color, Modifier, Style};
+use ratatui::symbols::border;
+
+/// What a piece of text is, as far as its look is concerned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// Ordinary text.
+    Text,
+    /// Text beside the point: units, frame numbers, what did not change.
+    Quiet,
+    /// As it should be.
+    Good,
+    /// Look at this: a warning.
+    Caution,
+    /// An error.
+    Bad,
+    /// A remark that judges nothing.
+    Note,
+    /// The title of a pane.
+    Title,
+    /// A key to press.
+    Key,
+    /// The border of a pane.
+    Border,
+    /// The border of the pane that has the focus.
+    BorderActive,
+    /// The line that keys act on; laid over the styles of its cells.
+    Selected,
+    /// A cursor: of time, of a plot, of the prompt.
+    Cursor,
+    /// The line at the top of the screen.
+    Header,
+    /// The title of a column.
+    HeaderCell,
+    /// A byte or value that is not what it was.
+    Changed,
+    /// A series of a plot or a field of a payload; numbers from [`HIGHLIGHTS`] on begin again.
+    Highlight(u8),
+    /// What a search found.
+    Search,
+    /// Something Enter leads to.
+    Link,
+}
+
+/// How many looks of [`Role::Highlight`] differ.
+pub const HIGHLIGHTS: u8 = 6;
+
+/// What the terminal's background is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Palette {
+    /// Light text on a dark background.
+    #[default]
+    Dark,
+    /// Dark text on a light background.
+    Light,
+}
+
+/// How many colours the terminal has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Depth {
+    /// None: bold, dim, italic, underlined and reversed only.
+    None,
+    /// The named ANSI colours, as the user set them up.
+    Sixteen,
+    /// The 256 indexed colours, which look alike in all terminals.
+    Full,
+}
+
+/// What lines, marks and plots are drawn with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Borders {
+    /// Box drawing, block and braille characters.
+    #[default]
+    Unicode,
+    /// ASCII only.
+    Ascii,
+}
+
+/// A character that has a substitute in ASCII.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Glyph {
+    /// From one thing to another.
+    Arrow,
+    /// Upwards, ascending.
+    Up,
+    /// Downwards, descending.
+    Down,
+    /// Something was cut off here.
+    Ellipsis,
+    /// Attention.
+    Warning,
+    /// A full block.
+    Bar,
+    /// Done, in order.
+    Check,
+    /// Not in order.
+    Cross,
+    /// A separator.
+    Dot,
+    /// An item whose children are hidden.
+    Closed,
+    /// An item whose children are shown.
+    Open,
+    /// A vertical line.
+    Vertical,
+    /// A horizontal line.
+    Horizontal,
+    /// A difference.
+    Delta,
+    /// Plus or minus.
+    PlusMinus,
+}
+
+/// The user's choice of palette, depth and characters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Theme {
+    palette: Palette,
+    depth: Depth,
+    borders: Borders,
+}
+
+impl Theme {
+    /// A theme for a terminal.
+    pub fn new(palette: Palette, depth: Depth, borders: Borders) -> Self {
+        Self { palette, depth, borders }
+    }
+
+    /// The characters lines and plots are drawn with.
+    pub fn borders(&self) -> Borders {
+        self.borders
+    }
+
+    /// The style of a role.
+    pub fn style(&self, role: Role) -> Style {
+        let look = look(role);
+        let (front, back) = match (self.depth, self.palette) {
+            (Depth::None, _) => return Style::new().add_modifier(look.colourless),
+            (Depth::Sixteen, Palette::Dark) => look.sixteen_dark,
+            (Depth::Sixteen, Palette::Light) => look.sixteen_light,
+            (Depth::Full, Palette::Dark) => indexed(look.full_dark),
+            (Depth::Full, Palette::Light) => indexed(look.full_light),
+        };
+        let modifier = match (self.depth, role) {
+            // Only reversing keeps the colours of the cells readable where there are sixteen of them.
+            (Depth::Sixteen, Role::Selected) => Modifier::REVERSED,
+            _ => look.modifier,
+        };
+        Style { fg: front, bg: back, ..Style::new().add_modifier(modifier) }
+    }
+
+    /// What is laid over the selected line: as [`Role::Selected`] where keys act on it, weaker elsewhere.
+    pub fn selection(&self, is_focused: bool) -> Style {
+        match (is_focused, self.depth, self.palette) {
+            (true, _, _) => self.style(Role::Selected),
+            (false, Depth::Full, Palette::Dark) => Style::new().bg(Color::Indexed(235)),
+            (false, Depth::Full, Palette::Light) => Style::new().bg(Color::Indexed(255)),
+            (false, _, _) => Style::new().add_modifier(Modifier::UNDERLINED),
+        }
+    }
+
+    /// The characters of a pane's border.
+    pub fn border_set(&self) -> border::Set<'static> {
+        match self.borders {
+            Borders::Unicode => border::PLAIN,
+            Borders::Ascii => border::Set {
+                top_left: "+",
+                top_right: "+",
+                bottom_left: "+",
+                bottom_right: "+",
+                vertical_left: "|",
+                vertical_right: "|",
+                horizontal_top: "-",
+                horizontal_bottom: "-",
+            },
+        }
+    }
+
+    /// A glyph, or what stands for it in ASCII.
+    pub fn glyph(&self, glyph: Glyph) -> &'static str {
+        let (unicode, ascii) = match glyph {
+            Glyph::Arrow => ("→", "->"),
+            Glyph::Up => ("▲", "^"),
+            Glyph::Down => ("▼", "v"),
+            Glyph::Ellipsis => ("…", ".."),
+            Glyph::Warning => ("⚠", "!"),
+            Glyph::Bar => ("█", "#"),
+            Glyph::Check => ("✓", "+"),
+            Glyph::Cross => ("✗", "x"),
+            Glyph::Dot => ("·", "."),
+            Glyph::Closed => ("▸", "+"),
+            Glyph::Open => ("▾", "-"),
+            Glyph::Vertical => ("│", "|"),
+            Glyph::Horizontal => ("─", "-"),
+            Glyph::Delta => ("Δ", "d"),
+            Glyph::PlusMinus => ("±", "+-"),
+        };
+        match self.borders {
+            Borders::Unicode => unicode,
+            Borders::Ascii => ascii,
+        }
+    }
+}
+
+/// Front and back of a role, in whatever colours.
+type Pair<C> = (Option<C>, Option<C>);
+
+/// How a role looks in each depth and palette.
+struct Look {
+    full_dark: Pair<u8>,
+    full_light: Pair<u8>,
+    sixteen_dark: Pair<Color>,
+    sixteen_light: Pair<Color>,
+    /// Goes with colours.
+    modifier: Modifier,
+    /// Stands alone.
+    colourless: Modifier,
+}
+
+fn indexed((front, back): Pair<u8>) -> Pair<Color> {
+    (front.map(Color::Indexed), back.map(Color::Indexed))
+}
+
+/// A look that changes the foreground only.
+const fn front(full: (u8, u8), sixteen: (Color, Color), modifier: Modifier, colourless: Modifier) -> Look {
+    Look {
+        full_dark: (Some(full.0), None),
+        full_light: (Some(full.1), None),
+        sixteen_dark: (Some(sixteen.0), None),
+        sixteen_light: (Some(sixteen.1), None),
+        modifier,
+        colourless,
+    }
+}
+
+/// A look of attributes, and of a background where there are enough colours for one.
+const fn back(full: Option<(u8, u8)>, modifier: Modifier, colourless: Modifier) -> Look {
+    let (dark, light) = match full {
+        Some((dark, light)) => (Some(dark), Some(light)),
+        None => (None, None),
+    };
+    Look {
+        full_dark: (None, dark),
+        full_light: (None, light),
+        sixteen_dark: (None, None),
+        sixteen_light: (None, None),
+        modifier,
+        colourless,
+    }
+}
+
+/// Text in black or white on a colour.
+const fn block(
+    full: (u8, u8),
+    sixteen: (Color, Color),
+    is_light_on_light: bool,
+    colourless: Modifier,
+) -> Look {
+    let (text, sixteen_text) = if is_light_on_light { (231, Color::White) } else { (16, Color::Black) };
+    Look {
+        full_dark: (Some(16), Some(full.0)),
+        full_light: (Some(text), Some(full.1)),
+        sixteen_dark: (Some(Color::Black), Some(sixteen.0)),
+        sixteen_light: (Some(sixteen_text), Some(sixteen.1)),
+        modifier: Modifier::empty(),
+        colourless,
+    }
+}
+
+/// The table of looks. Yellow on white cannot be read, so a light palette of sixteen colours warns in magenta.
+const fn look(role: Role) -> Look {
+    use Color::{Blue, Cyan, DarkGray, Green, LightBlue, LightCyan, LightGreen, LightMagenta, LightRed};
+    use Color::{LightYellow, Magenta, Red, Yellow};
+    const NONE: Modifier = Modifier::empty();
+    const BOLD: Modifier = Modifier::BOLD;
+    const DIM: Modifier = Modifier::DIM;
+    const ITALIC: Modifier = Modifier::ITALIC;
+    const UNDER: Modifier = Modifier::UNDERLINED;
+    const REVERSED: Modifier = Modifier::REVERSED;
+    match role {
+        Role::Text => back(None, NONE, NONE),
+        Role::Quiet => front((245, 242), (DarkGray, DarkGray), NONE, DIM),
+        Role::Good => front((114, 28), (Green, Green), NONE, ITALIC),
+        Role::Caution => front((221, 130), (Yellow, Magenta), NONE, BOLD),
+        Role::Bad => front((203, 160), (LightRed, Red), BOLD, BOLD.union(UNDER)),
+        Role::Note => front((117, 25), (Cyan, Blue), NONE, UNDER),
+        Role::Title | Role::Header => back(None, BOLD, BOLD),
+        Role::Key => front((81, 25), (LightCyan, Blue), BOLD, BOLD),
+        Role::Border => front((240, 249), (DarkGray, DarkGray), NONE, DIM),
+        Role::BorderActive => front((81, 25), (LightCyan, Blue), NONE, BOLD),
+        Role::Selected => back(Some((237, 253)), BOLD, REVERSED),
+        Role::Cursor => block((81, 25), (Cyan, Blue), true, BOLD.union(REVERSED)),
+        Role::HeaderCell => back(None, BOLD.union(UNDER), BOLD.union(UNDER)),
+        Role::Changed => front((215, 166), (LightYellow, Red), BOLD, BOLD),
+        Role::Search => block((221, 226), (Yellow, Yellow), false, REVERSED.union(UNDER)),
+        Role::Link => front((111, 26), (LightBlue, Blue), UNDER, UNDER),
+        Role::Highlight(number) => match number % HIGHLIGHTS {
+            0 => front((117, 25), (LightCyan, Blue), NONE, BOLD),
+            1 => front((215, 166), (LightYellow, Red), NONE, UNDER),
+            2 => front((156, 28), (LightGreen, Green), NONE, ITALIC),
+            3 => front((213, 162), (LightMagenta, Magenta), NONE, BOLD.union(UNDER)),
+            4 => front((229, 94), (LightRed, DarkGray), NONE, BOLD.union(ITALIC)),
+            _ => front((141, 55), (LightBlue, Cyan), NONE, UNDER.union(ITALIC)),
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Roles that stand side by side, where one taken for the other would mislead.
+    const APART: &[&[Role]] = &[
+        &[Role::Text, Role::Quiet, Role::Good, Role::Caution, Role::Bad, Role::Note],
+        &[Role::Border, Role::BorderActive],
+        &[Role::Text, Role::Selected, Role::Cursor, Role::Search],
+        &[Role::Text, Role::Quiet, Role::Changed],
+        &[Role::Text, Role::HeaderCell],
+        &[Role::Text, Role::Title],
+        &[Role::Text, Role::Quiet, Role::Key],
+        &[Role::Text, Role::Link],
+        &[
+            Role::Text,
+            Role::Highlight(0),
+            Role::Highlight(1),
+            Role::Highlight(2),
+            Role::Highlight(3),
+            Role::Highlight(4),
+            Role::Highlight(5),
+        ],
+    ];
+
+    #[test]
+    fn what_must_be_told_apart_differs_in_every_depth() {
+        for palette in [Palette::Dark, Palette::Light] {
+            for depth in [Depth::None, Depth::Sixteen, Depth::Full] {
+                let theme = Theme::new(palette, depth, Borders::Unicode);
+                for group in APART {
+                    for (at, one) in group.iter().enumerate() {
+                        for other in &group[at + 1..] {
+                            let styles = (theme.style(*one), theme.style(*other));
+                            assert_ne!(styles.0, styles.1, "{palette:?} {depth:?} {one:?} {other:?}");
+                        }
+                    }
+                }
+                assert_ne!(theme.selection(true), theme.selection(false), "{palette:?} {depth:?}");
+                assert_ne!(theme.selection(false), theme.style(Role::Text), "{palette:?} {depth:?}");
+            }
+        }
+    }
+
+    fn every_role() -> Vec<Role> {
+        let mut roles = vec![Role::Header];
+        roles.extend(APART.iter().copied().flatten().copied());
+        roles
+    }
+
+    #[test]
+    fn no_colour_means_no_colour() {
+        let theme = Theme::new(Palette::Dark, Depth::None, Borders::Unicode);
+        for role in every_role() {
+            let style = theme.style(role);
+            assert_eq!((style.fg, style.bg), (None, None), "{role:?}");
+        }
+    }
+
+    #[test]
+    fn sixteen_colours_are_the_named_ones() {
+        for palette in [Palette::Dark, Palette::Light] {
+            let theme = Theme::new(palette, Depth::Sixteen, Borders::Unicode);
+            for role in every_role() {
+                let style = theme.style(role);
+                for colour in [style.fg, style.bg].into_iter().flatten() {
+                    assert!(!matches!(colour, Color::Indexed(_) | Color::Rgb(..)), "{role:?}");
+                    // The colours that are close to the background of their palette.
+                    let faint = match palette {
+                        Palette::Dark => [Color::Blue, Color::Magenta],
+                        Palette::Light => [Color::LightYellow, Color::White],
+                    };
+                    let on_background = style.bg.is_none();
+                    assert!(!on_background || !faint.contains(&colour), "{palette:?} {role:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn ascii_is_ascii() {
+        let theme = Theme::new(Palette::Dark, Depth::Full, Borders::Ascii);
+        let set = theme.border_set();
+        let glyphs = [Glyph::Arrow, Glyph::Up, Glyph::Down, Glyph::Ellipsis, Glyph::Warning, Glyph::Bar];
+        let more = [Glyph::Check, Glyph::Cross, Glyph::Dot, Glyph::Closed, Glyph::Open, Glyph::Vertical];
+        let rest = [Glyph::Horizontal, Glyph::Delta, Glyph::PlusMinus];
+        for glyph in glyphs.into_iter().chain(more).chain(rest) {
+            assert!(theme.glyph(glyph).is_ascii(), "{glyph:?}");
+        }
+        assert_eq!((set.top_left, set.vertical_right, set.horizontal_top), ("+", "|", "-"));
+        assert_eq!(theme.glyph(Glyph::Arrow), "->");
+        let unicode = Theme::new(Palette::Dark, Depth::Full, Borders::Unicode);
+        assert_eq!((unicode.glyph(Glyph::Arrow), unicode.glyph(Glyph::Ellipsis)), ("→", "…"));
+    }
+}

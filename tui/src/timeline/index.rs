@@ -1,0 +1,41 @@
+//! Reads a capture once from beginning to end and leaves marks on the way.
+
+use std::sync::mpsc::Sender;
+use std::sync::{Arc, PoisonError};
+
+use super::News;
+use super::shared::Shared;
+use super::walk::Walk;
+
+/// Runs until all is read or nobody wants to know.
+pub(super) fn run(shared: &Shared, news: &Sender<News>) {
+    match Walk::start(shared) {
+        Ok(mut walk) => {
+            go(shared, &mut walk);
+            shared.progress.tell(&walk.world, walk.offset());
+            *shared.end.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::new(walk.world));
+        }
+        Err(error) => shared.fail(&error),
+    }
+    shared.progress.complete();
+    // The application may be gone.
+    let _ = news.send(News::Indexed);
+}
+
+fn go(shared: &Shared, walk: &mut Walk) {
+    while !shared.is_over() {
+        let is_due =
+            shared.index.read().unwrap_or_else(PoisonError::into_inner).is_due(walk.world.frames());
+        if is_due && let Some(mark) = walk.mark() {
+            shared.index.write().unwrap_or_else(PoisonError::into_inner).add(mark);
+        }
+        match walk.leap(u64::MAX, &mut |_| ()) {
+            Ok(true) => shared.progress.tell(&walk.world, walk.offset()),
+            Ok(false) => return,
+            Err(error) => {
+                shared.fail(&error);
+                return walk.close(&mut |_| ());
+            }
+        }
+    }
+}

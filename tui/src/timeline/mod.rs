@@ -1,0 +1,223 @@
+//! Captures as one line of time that can be gone to and fro.
+//!
+//! ```text
+//!            ┌─ index ──▶ marks, progress          one pass, leaves a world every 262,144 frames
+//! captures ──┼─ survey ─▶ findings, exchanges …    one pass, judges
+//!            ├─ matches ▶ which frames are shown   one pass a filter
+//!            └─ seek ───▶ rows and world at a place, from the nearest mark
+//! ```
+//!
+//! Each is a thread; what they find lies in [`Shared`], and a piece of [`News`] says that it changed.
+
+mod index;
+mod load;
+mod matches;
+mod row;
+mod seek;
+mod shared;
+mod survey;
+mod walk;
+
+use std::path::PathBuf;
+use std::sync::mpsc::{Sender, channel};
+use std::sync::{Arc, PoisonError, RwLockReadGuard};
+
+use anyhow::{Context as _, ensure};
+use cobscope_decoder::capture::{Batch, ReadOptions, Reader};
+use cobscope_decoder::frame::Timestamp;
+use cobscope_decoder::replay::World;
+use cobscope_decoder::rules::Setup;
+use cobscope_decoder::session::SessionOptions;
+
+pub use load::{LoadOverTime, Step};
+pub use matches::{Matcher, Matches};
+pub use row::Row;
+pub use seek::{Order, Search, Target, Window};
+pub use shared::{Lane, Progress, Shared};
+pub use survey::{Exchange, MOST_EXCHANGES, Occurred, Opened, Survey};
+
+use crate::source::Store;
+
+/// Stamps before this many seconds since 1970 count from the capture's beginning, not from 1970.
+const FIRST_EPOCH_SECOND: i64 = 100_000_000;
+
+/// Something changed.
+pub enum News {
+    /// The capture is read to its end.
+    Indexed,
+    /// The survey is complete.
+    Surveyed,
+    /// The search for the rows that are shown is complete.
+    Filtered,
+    /// The answer to an order.
+    Window(Box<Window>),
+    /// An order that cannot be answered, and why.
+    Failed(String),
+}
+
+/// What a timeline is made of.
+pub struct Captures {
+    /// Files; `-` is standard input.
+    pub paths: Vec<PathBuf>,
+    /// Lets all begin at the same moment.
+    pub align: bool,
+    /// How they are read.
+    pub read: ReadOptions,
+    /// How they are understood.
+    pub session: SessionOptions,
+    /// How they are judged.
+    pub rules: Arc<Setup>,
+}
+
+/// Captures being read in the background.
+pub struct Timeline {
+    shared: Arc<Shared>,
+    orders: Sender<Order>,
+    news: Sender<News>,
+}
+
+impl Timeline {
+    /// Opens captures and begins to read them; what is found goes to `news`.
+    ///
+    /// # Errors
+    /// When a capture cannot be opened or is in no known format, or when captures with and without dates
+    /// are to be put on one line of time without `align`.
+    pub fn open(captures: Captures, news: Sender<News>) -> anyhow::Result<Self> {
+        let lanes = lanes(&captures)?;
+        let shared = Arc::new(Shared::new(lanes, captures.session, captures.read));
+        let (orders, inbox) = channel();
+        let rules = captures.rules;
+        spawn("index", &shared, &news, |shared, news| index::run(shared, news))?;
+        spawn("survey", &shared, &news, move |shared, news| survey::run(shared, &rules, news))?;
+        spawn("seek", &shared, &news, move |shared, news| seek::run(shared, &inbox, news))?;
+        Ok(Self { shared, orders, news })
+    }
+
+    /// Wants to know what is at a place.
+    pub fn order(&self, order: Order) {
+        // Without its thread there is nobody to answer, and that was told.
+        let _ = self.orders.send(order);
+    }
+
+    /// Looks for the events that are shown; an earlier search ends.
+    pub fn search(&self, matcher: Matcher) {
+        let mut current = self.shared.matches.write().unwrap_or_else(PoisonError::into_inner);
+        if let Some(old) = current.take() {
+            old.stop();
+        }
+        if matcher.takes_all() {
+            return;
+        }
+        let matches = Arc::new(Matches::new(matcher));
+        *current = Some(Arc::clone(&matches));
+        drop(current);
+        let told = spawn("matches", &self.shared, &self.news, move |shared, news| {
+            matches::run(shared, &matches, news);
+        });
+        if let Err(error) = told {
+            let _ = self.news.send(News::Failed(format!("{error:#}")));
+        }
+    }
+
+    /// The search for the events that are shown.
+    pub fn matches(&self) -> Option<Arc<Matches>> {
+        self.shared.matches.read().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// How far the index has come.
+    pub fn progress(&self) -> &Progress {
+        &self.shared.progress
+    }
+
+    /// What the whole capture comes to, so far.
+    pub fn survey(&self) -> RwLockReadGuard<'_, Survey> {
+        self.shared.survey.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The world at the end, once it is known.
+    pub fn end(&self) -> Option<Arc<World>> {
+        self.shared.end.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Why reading ended early, if it did.
+    pub fn failure(&self) -> Option<String> {
+        let failure = self.shared.failure.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        failure.or_else(|| {
+            let mut failures = self.shared.lanes.iter().filter_map(|lane| {
+                Some(format!("{}: {}", lane.store.name(), lane.store.failure()?))
+            });
+            failures.next()
+        })
+    }
+
+    /// The captures.
+    pub fn lanes(&self) -> &[Lane] {
+        &self.shared.lanes
+    }
+
+    /// Decompressed bytes there are by now, and whether that is all.
+    pub fn length(&self) -> (u64, bool) {
+        let lengths = self.shared.lanes.iter().map(|lane| lane.store.length());
+        lengths.fold((0, true), |(sum, all), (length, is_all)| (sum + length, all && is_all))
+    }
+}
+
+impl Drop for Timeline {
+    fn drop(&mut self) {
+        if let Some(matches) = self.matches() {
+            matches.stop();
+        }
+        self.shared.stop();
+    }
+}
+
+fn spawn(
+    name: &str,
+    shared: &Arc<Shared>,
+    news: &Sender<News>,
+    run: impl FnOnce(&Arc<Shared>, &Sender<News>) + Send + 'static,
+) -> anyhow::Result<()> {
+    let (shared, news) = (Arc::clone(shared), news.clone());
+    let thread = std::thread::Builder::new().name(name.into());
+    thread.spawn(move || run(&shared, &news)).context("no thread can be started")?;
+    Ok(())
+}
+
+/// Opens each capture, and puts their clocks side by side.
+fn lanes(captures: &Captures) -> anyhow::Result<Vec<Lane>> {
+    let mut lanes: Vec<Lane> = Vec::new();
+    let mut firsts = Vec::new();
+    for path in &captures.paths {
+        let store = Store::open(path)?;
+        let name = store.name().to_owned();
+        let mut reader = Reader::open(store.reader(0), &captures.read).with_context(|| name.clone())?;
+        let mut batch = Batch::new();
+        while batch.frames().is_empty() && reader.read(&mut batch).with_context(|| name.clone())? {}
+        let first = batch.frames().first().with_context(|| format!("{name}: holds no frame"))?;
+        firsts.push(first.time);
+        let stem = recording(&name);
+        let group = captures.paths.iter().position(|other| recording(&other.display().to_string()) == stem);
+        lanes.push(Lane { store, group: group.unwrap_or(0), shift: 0, format: reader.format().title });
+    }
+    let times: Vec<Timestamp> = firsts.iter().flatten().copied().collect();
+    if captures.align {
+        let earliest = times.iter().copied().max().unwrap_or_default();
+        for (lane, first) in lanes.iter_mut().zip(&firsts) {
+            lane.shift = first.map_or(0, |first| earliest.since(first));
+        }
+    } else if lanes.len() > 1 {
+        let has_date = |time: &Timestamp| time.0 / 1_000_000_000 >= FIRST_EPOCH_SECOND;
+        let dated = times.iter().filter(|time| has_date(time)).count();
+        ensure!(
+            dated == 0 || dated == firsts.len(),
+            "some of these captures have dates and some count from their beginning, so they have no common \
+             line of time; open them one by one, or let them begin together with --align"
+        );
+    }
+    Ok(lanes)
+}
+
+/// A capture's name without digits: parts of one recording differ in them.
+fn recording(name: &str) -> String {
+    name.chars().filter(|character| !character.is_ascii_digit()).collect()
+}

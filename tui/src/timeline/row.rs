@@ -1,0 +1,103 @@
+//! One line of the event table, and everything the detail pane tells of it.
+
+use cobscope_decoder::event::{Event, EventKind};
+use cobscope_decoder::frame::{CanId, Frame, FrameFlags};
+use cobscope_decoder::replay::{Spot, Told};
+use cobscope_decoder::sink::escape;
+use cobscope_decoder::sink::text::{Line, Tone};
+
+/// Bytes of a payload a row shows.
+const SHOWN_BYTES: usize = 8;
+
+/// An event in words.
+#[derive(Debug, Clone)]
+pub struct Row {
+    /// Its place.
+    pub spot: Spot,
+    /// The event.
+    pub event: Event,
+    /// Name of its bus.
+    pub bus: String,
+    /// Frame it came with, if that is one of its own.
+    pub frame: Option<Frame>,
+    /// Node or sender → receiver.
+    pub who: String,
+    /// Kind in at most six letters.
+    pub kind: &'static str,
+    /// Object, signal or code it is about; may be empty.
+    pub object: String,
+    /// What happened, or the value.
+    pub value: String,
+    /// How it looks.
+    pub tone: Tone,
+    /// Says something new.
+    pub is_news: bool,
+}
+
+impl Row {
+    /// The row of an event; texts are escaped.
+    pub fn new(told: &Told<'_>) -> Self {
+        let line = Line::of(told.event, told.bus);
+        let (object, value) = columns(told.event, &line);
+        let presumed = if told.event.presumed { "?" } else { "" };
+        Self {
+            spot: told.spot,
+            event: told.event.clone(),
+            bus: escape(told.bus.name()).into_owned(),
+            frame: told.frame.filter(|frame| told.event.frames.last == frame.number).copied(),
+            who: escape(&line.who).into_owned(),
+            kind: line.kind,
+            object: escape(object).into_owned(),
+            value: format!("{}{presumed}", escape(value)),
+            tone: line.tone,
+            is_news: told.is_news,
+        }
+    }
+
+    /// Object and value as one text.
+    pub fn what(&self) -> String {
+        match (self.object.is_empty(), self.value.is_empty()) {
+            (true, _) => self.value.clone(),
+            (_, true) => self.object.clone(),
+            _ => format!("{} {}", self.object, self.value),
+        }
+    }
+
+    /// Identifier of its frame.
+    pub fn id(&self) -> Option<CanId> {
+        self.frame.filter(|frame| !frame.flags.contains(FrameFlags::ERROR)).map(|frame| frame.id)
+    }
+
+    /// First bytes of its frame.
+    pub fn data(&self) -> String {
+        let Some(frame) = &self.frame else { return String::new() };
+        if frame.flags.contains(FrameFlags::REMOTE) {
+            return "remote".into();
+        }
+        let shown = frame.data().iter().take(SHOWN_BYTES).map(|byte| format!("{byte:02X}"));
+        let more = if frame.data().len() > SHOWN_BYTES { " …" } else { "" };
+        format!("{}{more}", shown.collect::<Vec<_>>().join(" "))
+    }
+
+    /// All of it as one line, for search and copying.
+    pub fn text(&self) -> String {
+        let id = self.id().map_or(String::new(), |id| id.to_string());
+        format!("{} {id} {} {} {} {}", self.bus, self.who, self.kind, self.what(), self.data())
+    }
+}
+
+/// What an event is about, and what it says of it.
+fn columns<'a>(event: &Event, line: &'a Line) -> (&'a str, &'a str) {
+    let what = line.what.as_str();
+    match &event.kind {
+        EventKind::SdoTransfer(_) | EventKind::UdsExchange(_) => {
+            what.split_once(" = ").unwrap_or((what, ""))
+        }
+        EventKind::Pdo(_) => match what.split_once(' ') {
+            Some((name, rest)) => (name, rest.split_once(": ").map_or(rest, |(_, signals)| signals)),
+            None => (what, ""),
+        },
+        EventKind::Emcy(_) | EventKind::ObjectChange(_) => what.split_once(' ').unwrap_or((what, "")),
+        _ => ("", what),
+    }
+}

@@ -1,0 +1,407 @@
+//! Goes to a place and tells what is there: rows around it and the world behind it.
+//!
+//! ```text
+//! mark ──decode──▶ │ up to `before` rows │ place │ up to `after` rows │
+//! ```
+//!
+//! Marks of its own, closer together, make going on nearby cheap.
+
+use std::collections::VecDeque;
+use std::sync::mpsc::{Receiver, Sender, TryRecvError};
+use std::sync::{Arc, PoisonError};
+
+use cobscope_decoder::capture::CaptureError;
+use cobscope_decoder::frame::Timestamp;
+use cobscope_decoder::replay::{Mark, Spot, Told, World};
+
+use super::shared::Shared;
+use super::walk::Walk;
+use super::{Matcher, Matches, News, Row};
+
+/// Frames between own marks.
+const NEAR: u64 = 8_192;
+
+/// Own marks kept; the oldest go first.
+const MOST_NEAR: usize = 64;
+
+/// Frames looked at for the first rows before a place, where nothing tells how far back they are.
+const FIRST_SPAN: u64 = 512;
+
+/// A place to go to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Target {
+    /// An event.
+    Spot(Spot),
+    /// Behind all events up to a time.
+    Time(Timestamp),
+    /// Behind the last event there is.
+    End,
+}
+
+/// What is wanted of a place.
+#[derive(Debug, Clone)]
+pub struct Order {
+    /// Comes back with the answer.
+    pub serial: u64,
+    /// Where to.
+    pub target: Target,
+    /// Rows wanted up to the place.
+    pub before: usize,
+    /// Rows wanted behind it.
+    pub after: usize,
+    /// Which rows.
+    pub matcher: Matcher,
+    /// Go on to the next row with this text, or back to the last one before.
+    pub search: Option<Search>,
+}
+
+/// A search from a place on.
+#[derive(Debug, Clone)]
+pub struct Search {
+    /// What a row must be like, besides the order's matcher.
+    pub matcher: Matcher,
+    /// Towards the beginning.
+    pub is_backward: bool,
+}
+
+/// What is at a place.
+#[derive(Clone)]
+pub struct Window {
+    /// The order's.
+    pub serial: u64,
+    /// Rows around the place, in order.
+    pub rows: Vec<Row>,
+    /// The last row up to the place; the first one where all are behind it.
+    pub selected: usize,
+    /// The place, as an event's.
+    pub spot: Spot,
+    /// What is known there.
+    pub world: Arc<World>,
+    /// The place lies behind what is indexed: this is as far as it goes by now.
+    pub is_pending: bool,
+    /// A search found nothing.
+    pub is_missed: bool,
+}
+
+/// Answers orders until nobody can give any; of several that wait the last one counts.
+pub(super) fn run(shared: &Arc<Shared>, orders: &Receiver<Order>, news: &Sender<News>) {
+    let mut seeker = Seeker { shared: Arc::clone(shared), near: VecDeque::new() };
+    let mut next = orders.recv().ok();
+    while let Some(order) = next.take() {
+        let mut newer = None;
+        let mut is_stale = || {
+            while let Ok(order) = orders.try_recv() {
+                newer = Some(order);
+            }
+            newer.is_some() || shared.is_over()
+        };
+        let answer = seeker.answer(&order, &mut is_stale);
+        let message = match answer {
+            Ok(Some(window)) => Some(News::Window(Box::new(window))),
+            Ok(None) => None,
+            Err(error) => Some(News::Failed(error.to_string())),
+        };
+        if message.is_some_and(|message| news.send(message).is_err()) || shared.is_over() {
+            return;
+        }
+        next = newer.or_else(|| latest(orders));
+    }
+}
+
+fn latest(orders: &Receiver<Order>) -> Option<Order> {
+    let mut last = orders.recv().ok()?;
+    loop {
+        match orders.try_recv() {
+            Ok(order) => last = order,
+            Err(TryRecvError::Empty | TryRecvError::Disconnected) => return Some(last),
+        }
+    }
+}
+
+struct Seeker {
+    shared: Arc<Shared>,
+    near: VecDeque<Mark>,
+}
+
+/// Rows on both sides of a place while it is looked for.
+#[derive(Default)]
+struct Found {
+    before: VecDeque<Row>,
+    after: Vec<Row>,
+}
+
+type Answer<T> = Result<Option<T>, CaptureError>;
+
+impl Seeker {
+    /// What is at a place; nothing if another order makes that useless.
+    fn answer(&mut self, order: &Order, is_stale: &mut impl FnMut() -> bool) -> Answer<Window> {
+        let is_complete = self.shared.progress.is_complete();
+        let frames = self.shared.progress.frames();
+        let is_pending = !is_complete && self.is_behind(order.target, frames);
+        let Some(mut spot) = self.spot_of(order.target, frames, is_stale)? else { return Ok(None) };
+        let mut is_missed = false;
+        if let Some(search) = &order.search {
+            let Some(met) = self.search(order, search, spot, frames, is_stale)? else { return Ok(None) };
+            is_missed = met.is_none();
+            spot = met.unwrap_or(spot);
+        }
+        let matches = self.matches(&order.matcher);
+        let mut span = FIRST_SPAN.max(order.before as u64 * 4);
+        loop {
+            let from = match &matches {
+                Some(matches) => matches.frame_before(spot.frame, order.before + 1).saturating_sub(1),
+                None => spot.frame.saturating_sub(span),
+            };
+            let Some(walk) = self.walk_to(from, is_stale)? else { return Ok(None) };
+            let Some(window) = self.look(walk, order, spot, matches.as_deref(), is_stale)? else {
+                return Ok(None);
+            };
+            if window.selected + 1 >= order.before || from == 0 || matches.is_some() {
+                return Ok(Some(Window { is_pending, is_missed, ..window }));
+            }
+            span = span.saturating_mul(8);
+        }
+    }
+
+    /// Whether a place lies behind what is indexed.
+    fn is_behind(&self, target: Target, frames: u64) -> bool {
+        match target {
+            Target::Spot(spot) => spot.frame > frames,
+            Target::Time(time) => self.shared.progress.times().is_none_or(|(_, last)| time > last),
+            Target::End => true,
+        }
+    }
+
+    /// A place as that of an event, as far as it is indexed.
+    fn spot_of(&mut self, target: Target, frames: u64, is_stale: &mut impl FnMut() -> bool) -> Answer<Spot> {
+        let time = match target {
+            Target::Spot(spot) if spot.frame <= frames => return Ok(Some(spot)),
+            Target::Spot(_) | Target::End => return Ok(Some(Spot::behind(frames))),
+            Target::Time(time) => time,
+        };
+        let index = self.shared.index.read().unwrap_or_else(PoisonError::into_inner);
+        let from = index.before_time(time).map_or(0, |mark| mark.frames);
+        drop(index);
+        let near = self.near.iter().filter(|mark| mark.time.is_some_and(|at| at < time));
+        let from = near.map(|mark| mark.frames).max().unwrap_or(0).max(from);
+        let Some(mut walk) = self.walk_to(from, is_stale)? else { return Ok(None) };
+        while walk.world.frames() < frames {
+            if walk.peek()?.and_then(|next| next.time).is_some_and(|next| next > time) {
+                break;
+            }
+            walk.step(&mut |_| ())?;
+            if walk.world.frames().is_multiple_of(NEAR) {
+                self.remember(&walk);
+            }
+        }
+        Ok(Some(Spot::behind(walk.world.frames())))
+    }
+
+    /// The search this matcher's rows come from, if it has been everywhere.
+    fn matches(&self, matcher: &Matcher) -> Option<Arc<Matches>> {
+        let matches = self.shared.matches.read().unwrap_or_else(PoisonError::into_inner).clone()?;
+        (matches.matcher == *matcher && matches.is_complete()).then_some(matches)
+    }
+
+    /// The world at or before a frame, as near as a mark allows, walked up to it.
+    fn walk_to(&mut self, frame: u64, is_stale: &mut impl FnMut() -> bool) -> Answer<Walk> {
+        let near = self.near.iter().filter(|mark| mark.frames <= frame).max_by_key(|mark| mark.frames);
+        let index = self.shared.index.read().unwrap_or_else(PoisonError::into_inner);
+        let far = index.before_frame(frame);
+        let mark = near.into_iter().chain(far).max_by_key(|mark| mark.frames).cloned();
+        drop(index);
+        let mut walk = match mark {
+            Some(mark) => Walk::resume(&self.shared, &mark)?,
+            None => Walk::start(&self.shared)?,
+        };
+        let mut next = walk.world.frames() + NEAR;
+        while walk.world.frames() < frame {
+            if !walk.leap(frame, &mut |_| ())? {
+                break;
+            }
+            if walk.world.frames() >= next {
+                next = walk.world.frames() + NEAR;
+                self.remember(&walk);
+                if is_stale() {
+                    return Ok(None);
+                }
+            }
+        }
+        Ok(Some(walk))
+    }
+
+    fn remember(&mut self, walk: &Walk) {
+        let frames = walk.world.frames();
+        let is_known = self.near.iter().any(|mark| mark.frames.abs_diff(frames) < NEAR / 2);
+        if is_known {
+            return;
+        }
+        if let Some(mark) = walk.mark() {
+            if self.near.len() >= MOST_NEAR {
+                self.near.pop_front();
+            }
+            self.near.push_back(mark);
+        }
+    }
+
+    /// Walks over the place and takes the rows on both sides.
+    fn look(
+        &mut self,
+        mut walk: Walk,
+        order: &Order,
+        spot: Spot,
+        matches: Option<&Matches>,
+        is_stale: &mut impl FnMut() -> bool,
+    ) -> Answer<Window> {
+        let mut found = Found::default();
+        let mut next = walk.world.frames() + NEAR;
+        while walk.peek()?.is_none_or(|next| next.number <= spot.frame) {
+            let is_last = self.shared.progress.frames() <= walk.world.frames() && !self.is_whole();
+            if is_last || !walk.step(&mut |told: Told<'_>| found.take(order, spot, &told))? {
+                break;
+            }
+            if walk.world.frames() >= next {
+                next = walk.world.frames() + NEAR;
+                self.remember(&walk);
+                if is_stale() {
+                    return Ok(None);
+                }
+            }
+        }
+        let world = Arc::new(walk.world.clone());
+        let (rows, selected) = match matches.and_then(|found| found.rows(spot, order.before, order.after)) {
+            Some(rows) => {
+                let selected = rows.partition_point(|row| row.spot <= spot).saturating_sub(1);
+                (rows, selected)
+            }
+            None => {
+                self.go_on(walk, order, matches, &mut found, is_stale)?;
+                let selected = found.before.len().saturating_sub(1);
+                (found.before.into_iter().chain(found.after.into_iter().take(order.after)).collect(), selected)
+            }
+        };
+        let (is_pending, is_missed) = (false, false);
+        Ok(Some(Window { serial: order.serial, rows, selected, spot, world, is_pending, is_missed }))
+    }
+
+    /// Whether the index knows the capture to its end.
+    fn is_whole(&self) -> bool {
+        self.shared.progress.is_complete()
+    }
+
+    /// Takes the rows behind the place.
+    fn go_on(
+        &mut self,
+        mut walk: Walk,
+        order: &Order,
+        matches: Option<&Matches>,
+        found: &mut Found,
+        is_stale: &mut impl FnMut() -> bool,
+    ) -> Result<(), CaptureError> {
+        let mut next = walk.world.frames() + NEAR;
+        while found.after.len() < order.after {
+            let place = walk.world.frames();
+            if place >= self.shared.progress.frames() && !self.is_whole() {
+                break;
+            }
+            if let Some(hit) = matches.and_then(|matches| matches.next_frame(place + 1))
+                && hit > place + NEAR
+            {
+                match self.walk_to(hit - 1, is_stale)? {
+                    Some(nearer) => walk = nearer,
+                    None => return Ok(()),
+                }
+            }
+            let mut see = |told: Told<'_>| {
+                if order.matcher.takes(&told) {
+                    found.after.push(Row::new(&told));
+                }
+            };
+            if !walk.step(&mut see)? {
+                break;
+            }
+            if walk.world.frames() >= next {
+                next = walk.world.frames() + NEAR;
+                if is_stale() {
+                    break;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The next place a search meets: `Some(None)` if there is none.
+    fn search(
+        &mut self,
+        order: &Order,
+        search: &Search,
+        from: Spot,
+        frames: u64,
+        is_stale: &mut impl FnMut() -> bool,
+    ) -> Answer<Option<Spot>> {
+        let mut span = FIRST_SPAN;
+        loop {
+            let start = if search.is_backward { from.frame.saturating_sub(span) } else { from.frame };
+            let start = start.saturating_sub(1);
+            let Some(walk) = self.walk_to(start, is_stale)? else { return Ok(None) };
+            let Some(met) = self.search_from(walk, order, search, from, frames, is_stale)? else {
+                return Ok(None);
+            };
+            if met.is_some() || !search.is_backward || start == 0 {
+                return Ok(Some(met));
+            }
+            span = span.saturating_mul(8);
+        }
+    }
+
+    /// The first hit behind `from`, or the last one before it behind the walk.
+    fn search_from(
+        &mut self,
+        mut walk: Walk,
+        order: &Order,
+        search: &Search,
+        from: Spot,
+        frames: u64,
+        is_stale: &mut impl FnMut() -> bool,
+    ) -> Answer<Option<Spot>> {
+        let mut met = None;
+        let mut next = walk.world.frames() + NEAR;
+        while self.is_whole() || walk.world.frames() < frames {
+            let mut see = |told: Told<'_>| {
+                let is_beyond =
+                    if search.is_backward { told.spot < from } else { told.spot > from && met.is_none() };
+                if is_beyond && order.matcher.takes(&told) && search.matcher.takes(&told) {
+                    met = Some(told.spot);
+                }
+            };
+            let more = walk.step(&mut see)?;
+            let is_over = if search.is_backward { walk.world.frames() > from.frame } else { met.is_some() };
+            if !more || is_over {
+                break;
+            }
+            if walk.world.frames() >= next {
+                next = walk.world.frames() + NEAR;
+                if is_stale() {
+                    return Ok(None);
+                }
+            }
+        }
+        Ok(Some(met))
+    }
+}
+
+impl Found {
+    /// Sorts an event to its side of the place.
+    fn take(&mut self, order: &Order, spot: Spot, told: &Told<'_>) {
+        if !order.matcher.takes(told) {
+            return;
+        }
+        if told.spot > spot {
+            return self.after.push(Row::new(told));
+        }
+        if self.before.len() > order.before {
+            self.before.pop_front();
+        }
+        self.before.push_back(Row::new(told));
+    }
+}

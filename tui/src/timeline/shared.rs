@@ -1,0 +1,138 @@
+//! What the threads of a timeline have in common.
+
+use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
+
+use cobscope_decoder::capture::{CaptureError, Merged, MergedCapture, MergedPosition, ReadOptions, Reader};
+use cobscope_decoder::frame::Timestamp;
+use cobscope_decoder::replay::{Index, World};
+use cobscope_decoder::session::SessionOptions;
+
+use super::{Matches, Survey};
+use crate::source::{Store, StoreReader};
+
+/// One capture of a timeline.
+pub struct Lane {
+    /// Its bytes.
+    pub store: Arc<Store>,
+    /// Captures of one group are parts of one recording.
+    pub group: usize,
+    /// Nanoseconds added to its stamps.
+    pub shift: i64,
+    /// Title of its format.
+    pub format: &'static str,
+}
+
+/// Captures, what is known of them so far, and whether anybody still wants to know.
+pub struct Shared {
+    pub(super) lanes: Vec<Lane>,
+    pub(super) options: SessionOptions,
+    pub(super) read_options: ReadOptions,
+    pub(super) index: RwLock<Index>,
+    pub(super) survey: RwLock<Survey>,
+    pub(super) matches: RwLock<Option<Arc<Matches>>>,
+    /// The world at the end, once the index is complete.
+    pub(super) end: Mutex<Option<Arc<World>>>,
+    /// Why reading ended early.
+    pub(super) failure: Mutex<Option<String>>,
+    pub(super) progress: Progress,
+    is_over: AtomicBool,
+}
+
+/// How far the index has come.
+#[derive(Default)]
+pub struct Progress {
+    frames: AtomicU64,
+    bytes: AtomicU64,
+    is_complete: AtomicBool,
+    zero: AtomicI64,
+    time: AtomicI64,
+    has_times: AtomicBool,
+}
+
+impl Progress {
+    pub(super) fn tell(&self, world: &World, bytes: u64) {
+        if let (Some(zero), Some(time)) = (world.zero(), world.time()) {
+            self.zero.store(zero.0, Ordering::Relaxed);
+            self.time.store(time.0, Ordering::Relaxed);
+            self.has_times.store(true, Ordering::Relaxed);
+        }
+        self.bytes.store(bytes, Ordering::Relaxed);
+        self.frames.store(world.frames(), Ordering::Release);
+    }
+
+    pub(super) fn complete(&self) {
+        self.is_complete.store(true, Ordering::Release);
+    }
+
+    /// Frames whose state is known.
+    pub fn frames(&self) -> u64 {
+        self.frames.load(Ordering::Acquire)
+    }
+
+    /// Decompressed bytes read.
+    pub fn bytes(&self) -> u64 {
+        self.bytes.load(Ordering::Relaxed)
+    }
+
+    /// Whether all of it was read.
+    pub fn is_complete(&self) -> bool {
+        self.is_complete.load(Ordering::Acquire)
+    }
+
+    /// Times of the first frame and of the last one so far.
+    pub fn times(&self) -> Option<(Timestamp, Timestamp)> {
+        self.has_times.load(Ordering::Relaxed).then(|| {
+            (Timestamp(self.zero.load(Ordering::Relaxed)), Timestamp(self.time.load(Ordering::Relaxed)))
+        })
+    }
+}
+
+impl Shared {
+    pub(super) fn new(lanes: Vec<Lane>, options: SessionOptions, read_options: ReadOptions) -> Self {
+        Self {
+            lanes,
+            options,
+            read_options,
+            index: RwLock::default(),
+            survey: RwLock::default(),
+            matches: RwLock::default(),
+            end: Mutex::default(),
+            failure: Mutex::default(),
+            progress: Progress::default(),
+            is_over: AtomicBool::new(false),
+        }
+    }
+
+    /// Captures from their beginning.
+    pub(super) fn open(&self) -> Result<Merged<StoreReader>, CaptureError> {
+        let capture = |lane: &Lane| {
+            let reader = Reader::open(lane.store.reader(0), &self.read_options)?;
+            Ok(MergedCapture { reader, group: lane.group, shift: lane.shift })
+        };
+        Ok(Merged::new(self.lanes.iter().map(capture).collect::<Result<_, CaptureError>>()?))
+    }
+
+    /// Captures from a place on.
+    pub(super) fn resume(&self, position: &MergedPosition) -> Result<Merged<StoreReader>, CaptureError> {
+        let sources = self.lanes.iter().zip(position.offsets());
+        Merged::resume(sources.map(|(lane, offset)| lane.store.reader(offset)).collect(), position)
+    }
+
+    pub(super) fn fail(&self, error: &CaptureError) {
+        let mut failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
+        failure.get_or_insert_with(|| error.to_string());
+    }
+
+    pub(super) fn is_over(&self) -> bool {
+        self.is_over.load(Ordering::Relaxed)
+    }
+
+    /// Nobody wants to know any more.
+    pub(super) fn stop(&self) {
+        self.is_over.store(true, Ordering::Relaxed);
+        for lane in &self.lanes {
+            lane.store.abandon();
+        }
+    }
+}

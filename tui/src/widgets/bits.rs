@@ -1,0 +1,380 @@
+//! A payload in hex and bits, with the fields that lie in it.
+//!
+//! ```text
+//! byte         0        1        2        3
+//! hex         0F      *01       F4       01     a changed byte is marked
+//! bits  00001111 00000001 11110100 00000001
+//! field ····bbba cccccccc dddddddd dddddddd     a letter a field, also where there are no colours
+//! a enable  b mode  c status  d pressure
+//! ```
+
+use std::borrow::Cow;
+use std::ops::Range;
+
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ratatui::style::{Modifier, Style};
+
+use crate::theme::{Glyph, Role, Theme};
+use crate::widgets::draw;
+
+/// Bytes of a CAN FD frame.
+const MOST_BYTES: usize = 64;
+/// Columns of a byte, with the space behind it.
+const BYTE: u16 = 9;
+/// Columns of the names of the lines.
+const LABEL: u16 = 6;
+/// Between two names of the legend.
+const LEGEND_SPACE: u16 = 2;
+
+/// A part of a payload that has a name.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Field<'a> {
+    /// What it is called.
+    pub name: Cow<'a, str>,
+    /// Its lowest bit; bit 0 is bit 0 of byte 0, bit 8 is bit 0 of byte 1.
+    pub start_bit: u16,
+    /// How many bits it has.
+    pub bits: u16,
+    /// In which look of [`Role::Highlight`] it is shown.
+    pub role_index: u8,
+}
+
+/// The bits of a field.
+pub fn bits_of(field: &Field<'_>) -> Range<u16> {
+    field.start_bit..field.start_bit.saturating_add(field.bits)
+}
+
+/// The field a bit belongs to; where several overlap, the one of fewest bits.
+pub fn field_at(fields: &[Field<'_>], bit: u16) -> Option<usize> {
+    let found = fields.iter().enumerate().filter(|(_, field)| bits_of(field).contains(&bit));
+    found.min_by_key(|(_, field)| field.bits).map(|(index, _)| index)
+}
+
+/// The letter that stands for a field.
+pub fn letter(field: usize) -> char {
+    ('a'..='z').chain('A'..='Z').nth(field).unwrap_or('*')
+}
+
+/// A payload to be drawn.
+#[derive(Clone, Copy, Debug)]
+pub struct Bits<'a> {
+    theme: &'a Theme,
+    bytes: &'a [u8],
+    fields: &'a [Field<'a>],
+    selected: Option<usize>,
+    changed: u64,
+}
+
+impl<'a> Bits<'a> {
+    /// A payload, of which at most 64 bytes are shown.
+    pub fn new(theme: &'a Theme, bytes: &'a [u8]) -> Self {
+        let bytes = bytes.get(..MOST_BYTES).unwrap_or(bytes);
+        Self { theme, bytes, fields: &[], selected: None, changed: 0 }
+    }
+
+    /// What lies in it.
+    #[must_use]
+    pub fn fields(self, fields: &'a [Field<'a>]) -> Self {
+        Self { fields, ..self }
+    }
+
+    /// The field that is highlighted.
+    #[must_use]
+    pub fn selected(self, field: Option<usize>) -> Self {
+        Self { selected: field, ..self }
+    }
+
+    /// Which bytes are not what they were: bit n for byte n.
+    #[must_use]
+    pub fn changed(self, bytes: u64) -> Self {
+        Self { changed: bytes, ..self }
+    }
+
+    /// How many lines it takes at a width.
+    pub fn height(&self, width: u16) -> u16 {
+        let legend = self.legend(width).last().map_or(0, |(_, _, line)| line + 1);
+        draw::cells(self.blocks(width)).saturating_mul(self.block_height()).saturating_add(legend)
+    }
+
+    /// The bit at a place of the screen, on its line of bits, of letters or its digit in hex.
+    pub fn bit_at(&self, area: Rect, x: u16, y: u16) -> Option<u16> {
+        let (label, per_row) = columns(area.width, self.bytes.len());
+        let line = y.checked_sub(area.y).filter(|_| y < area.bottom())?;
+        let x = x.checked_sub(area.x + label).filter(|_| x < area.right())?;
+        let block = self.first_block(area) + usize::from(line / self.block_height());
+        let slot = x / BYTE;
+        let byte = block * per_row + usize::from(slot);
+        let column = x % BYTE;
+        let bit = match (line % self.block_height(), column) {
+            (1, 6) => 4,
+            (1, 7) => 0,
+            (0 | 1, _) | (_, 8) => return None,
+            _ => 7 - column,
+        };
+        (usize::from(slot) < per_row && byte < self.bytes.len()).then(|| draw::cells(byte) * 8 + bit)
+    }
+
+    /// Draws the payload; where not all of it has room, from the block on in which the selected field begins.
+    pub fn render(&self, area: Rect, buf: &mut Buffer) {
+        let area = area.intersection(buf.area);
+        let (label, per_row) = columns(area.width, self.bytes.len());
+        let mut y = area.y;
+        let names = ["byte", "hex", "bits", "field"];
+        for block in self.first_block(area)..self.blocks(area.width) {
+            for (line, name) in (y..area.bottom()).zip(names).take(usize::from(self.block_height())) {
+                draw::put(buf, area.x, line, label, name, self.theme.style(Role::Quiet));
+            }
+            let bytes = self.bytes.iter().enumerate().skip(block * per_row).take(per_row);
+            for (slot, (index, byte)) in bytes.enumerate() {
+                let x = area.x + label + draw::cells(slot) * BYTE;
+                let place = Rect { x, y, width: area.right().saturating_sub(x), height: area.bottom() - y };
+                self.draw_byte(index, *byte, place, buf);
+            }
+            y = y.saturating_add(self.block_height()).min(area.bottom());
+        }
+        for (index, x, line) in self.legend(area.width) {
+            let Some(field) = self.fields.get(index) else { continue };
+            let line = y.saturating_add(line);
+            if line < area.bottom() {
+                let text = format!("{} {}", letter(index), field.name);
+                draw::put(buf, area.x + x, line, area.width - x, &text, self.style(Some(index)));
+            }
+        }
+    }
+
+    fn draw_byte(&self, index: usize, byte: u8, place: Rect, buf: &mut Buffer) {
+        let put = |buf: &mut Buffer, column: u16, line: u16, text: &str, style: Style| {
+            if line < place.height && column < place.width {
+                draw::put(buf, place.x + column, place.y + line, place.width - column, text, style);
+            }
+        };
+        let first = draw::cells(index) * 8;
+        put(buf, 0, 0, &format!("{index:>8}"), self.theme.style(Role::Quiet));
+        let is_changed = self.changed >> index & 1 == 1;
+        for (column, nibble, low) in [(6, byte >> 4, first + 4), (7, byte & 0xF, first)] {
+            // A digit is of a field only if all of it is.
+            let field = field_at(self.fields, low)
+                .filter(|field| (low..low + 4).all(|bit| field_at(self.fields, bit) == Some(*field)));
+            let mut style = self.style(field);
+            if is_changed {
+                style = style.patch(self.theme.style(Role::Changed));
+            }
+            put(buf, column, 1, &format!("{nibble:X}"), style);
+        }
+        if is_changed {
+            put(buf, 5, 1, "*", self.theme.style(Role::Changed));
+        }
+        for bit in 0..8_u16 {
+            let field = field_at(self.fields, first + bit);
+            let style = self.style(field);
+            put(buf, 7 - bit, 2, if byte >> bit & 1 == 1 { "1" } else { "0" }, style);
+            if !self.fields.is_empty() {
+                let dot = || self.theme.glyph(Glyph::Dot).to_owned();
+                let mark = field.map_or_else(dot, |field| letter(field).to_string());
+                put(buf, 7 - bit, 3, &mark, style);
+            }
+        }
+    }
+
+    fn style(&self, field: Option<usize>) -> Style {
+        let Some((index, look)) = field.and_then(|index| Some((index, self.fields.get(index)?.role_index)))
+        else {
+            return self.theme.style(Role::Quiet);
+        };
+        let style = self.theme.style(Role::Highlight(look));
+        if self.selected == Some(index) { style.add_modifier(Modifier::REVERSED) } else { style }
+    }
+
+    /// Field, column and line of each name of the legend.
+    fn legend(&self, width: u16) -> Vec<(usize, u16, u16)> {
+        let (mut x, mut line) = (0_u16, 0_u16);
+        let place = |(index, field): (usize, &Field<'_>)| {
+            let wanted = draw::width(&field.name).saturating_add(2);
+            if x > 0 && x.saturating_add(wanted) > width {
+                (x, line) = (0, line.saturating_add(1));
+            }
+            let at = (index, x, line);
+            x = x.saturating_add(wanted).saturating_add(LEGEND_SPACE);
+            at
+        };
+        self.fields.iter().enumerate().map(place).collect()
+    }
+
+    fn block_height(&self) -> u16 {
+        if self.fields.is_empty() { 3 } else { 4 }
+    }
+
+    fn blocks(&self, width: u16) -> usize {
+        self.bytes.len().div_ceil(columns(width, self.bytes.len()).1)
+    }
+
+    /// The first block in view.
+    fn first_block(&self, area: Rect) -> usize {
+        if self.height(area.width) <= area.height {
+            return 0;
+        }
+        let (_, per_row) = columns(area.width, self.bytes.len());
+        let field = self.selected.and_then(|index| self.fields.get(index));
+        let wanted = field.map_or(0, |field| usize::from(field.start_bit / 8) / per_row);
+        let in_view = usize::from(area.height / self.block_height()).max(1);
+        if wanted < in_view { 0 } else { wanted.min(self.blocks(area.width).saturating_sub(in_view)) }
+    }
+}
+
+/// Columns before the bytes, and bytes in a row: a power of two, eight at 80 columns.
+fn columns(width: u16, count: usize) -> (u16, usize) {
+    let most: u16 = if count > 8 { 16 } else { 8 };
+    let fits = |bytes: &u16| LABEL + bytes * BYTE - 1 <= width;
+    let found = std::iter::successors(Some(most), |bytes| (*bytes > 1).then_some(bytes / 2)).find(fits);
+    found.map_or((0, 1), |bytes| (LABEL, usize::from(bytes)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::theme::Borders;
+    use crate::widgets::draw::tests::{in_every_small_size, plain, shown};
+
+    fn fields() -> Vec<Field<'static>> {
+        let field = |name: &'static str, start_bit, bits, role_index| Field {
+            name: name.into(),
+            start_bit,
+            bits,
+            role_index,
+        };
+        vec![
+            field("enable", 0, 1, 0),
+            field("mode", 1, 3, 1),
+            field("status", 8, 8, 2),
+            field("pressure", 16, 16, 3),
+        ]
+    }
+
+    const BYTES: [u8; 4] = [0x0F, 0x01, 0xF4, 0x01];
+
+    fn drawn(bits: Bits<'_>, width: u16, height: u16) -> Vec<String> {
+        let mut buf = Buffer::empty(Rect::new(0, 0, width, height));
+        bits.render(buf.area, &mut buf);
+        shown(&buf)
+    }
+
+    #[test]
+    fn bytes_bits_and_fields() {
+        let (theme, fields) = (plain(Borders::Unicode), fields());
+        let bits = Bits::new(&theme, &BYTES).fields(&fields).changed(0b10);
+        assert_eq!(bits.height(80), 5);
+        assert_eq!(
+            drawn(bits, 80, 5),
+            [
+                "byte         0        1        2        3",
+                "hex         0F      *01       F4       01",
+                "bits  00001111 00000001 11110100 00000001",
+                "field ····bbba cccccccc dddddddd dddddddd",
+                "a enable  b mode  c status  d pressure",
+            ]
+        );
+    }
+
+    #[test]
+    fn narrow_areas_have_fewer_bytes_in_a_row() {
+        let (theme, fields) = (plain(Borders::Ascii), fields());
+        let bits = Bits::new(&theme, &BYTES[..3]).fields(&fields[..2]);
+        assert_eq!(bits.height(30), 9);
+        assert_eq!(
+            drawn(bits, 30, 9),
+            [
+                "byte         0        1",
+                "hex         0F       01",
+                "bits  00001111 00000001",
+                "field ....bbba ........",
+                "byte         2",
+                "hex         F4",
+                "bits  11110100",
+                "field ........",
+                "a enable  b mode",
+            ]
+        );
+        let bare = Bits::new(&theme, &BYTES[..1]);
+        assert_eq!(drawn(bare, 9, 4), ["       0", "      0F", "00001111", ""]);
+        assert_eq!(
+            [76, 77, 150, 149, 40, 13].map(|width| columns(width, 64)),
+            [(6, 4), (6, 8), (6, 16), (6, 16), (6, 2), (0, 1)]
+        );
+        assert_eq!(columns(150, 8), (6, 8));
+        assert_eq!(Bits::new(&theme, &[0; 100]).height(80), 8 * 3);
+    }
+
+    #[test]
+    fn the_selected_field_is_reversed_wherever_it_lies() {
+        let (theme, fields) = (plain(Borders::Unicode), fields());
+        let mut buf = Buffer::empty(Rect::new(0, 0, 80, 5));
+        Bits::new(&theme, &BYTES).fields(&fields).selected(Some(1)).render(buf.area, &mut buf);
+        let is_reversed = |x, y| buf[(x, y)].modifier.contains(Modifier::REVERSED);
+        let columns = |y| (0..80).filter(|x| is_reversed(*x, y)).collect::<Vec<_>>();
+        assert_eq!(columns(1), Vec::<u16>::new());
+        assert_eq!(columns(2), [10, 11, 12]);
+        assert_eq!(columns(3), [10, 11, 12]);
+        assert_eq!(columns(4), [10, 11, 12, 13, 14, 15]);
+        let mut buf = Buffer::empty(Rect::new(0, 0, 80, 5));
+        Bits::new(&theme, &BYTES).fields(&fields).selected(Some(3)).render(buf.area, &mut buf);
+        let hex: Vec<_> = (0..80).filter(|x| buf[(*x, 1)].modifier.contains(Modifier::REVERSED)).collect();
+        assert_eq!(hex, [30, 31, 39, 40]);
+    }
+
+    #[test]
+    fn where_not_all_has_room_the_selected_field_is_in_view() {
+        let (theme, fields) = (plain(Borders::Unicode), fields());
+        let bits = Bits::new(&theme, &BYTES).fields(&fields).selected(Some(3));
+        assert_eq!(drawn(bits, 14, 4)[0], "byte         2");
+        assert_eq!(drawn(bits.selected(None), 14, 4)[0], "byte         0");
+        assert_eq!(
+            drawn(bits, 14, 8)[..5].join("/"),
+            "byte         2/hex         F4/bits  11110100/field dddddddd/byte         3"
+        );
+    }
+
+    #[test]
+    fn bits_and_fields_find_each_other() {
+        let mut fields = fields();
+        assert_eq!(bits_of(&fields[3]), 16..32);
+        assert_eq!(
+            [0, 1, 3, 4, 15, 31, 32].map(|bit| field_at(&fields, bit)),
+            [Some(0), Some(1), Some(1), None, Some(2), Some(3), None]
+        );
+        fields.push(Field { name: "flag".into(), start_bit: 20, bits: 1, role_index: 4 });
+        assert_eq!(field_at(&fields, 20), Some(4));
+        let huge = Field { name: "".into(), start_bit: u16::MAX, bits: u16::MAX, role_index: 200 };
+        assert_eq!(bits_of(&huge), u16::MAX..u16::MAX);
+        assert_eq!((letter(0), letter(26), letter(52)), ('a', 'A', '*'));
+    }
+
+    #[test]
+    fn clicks_find_bits() {
+        let (theme, fields) = (plain(Borders::Unicode), fields());
+        let bits = Bits::new(&theme, &BYTES).fields(&fields);
+        let area = Rect::new(2, 1, 30, 9);
+        let at = |x, y| bits.bit_at(area, x, y);
+        assert_eq!(at(8, 3), Some(7));
+        assert_eq!(at(15, 3), Some(0));
+        assert_eq!(at(16, 3), None);
+        assert_eq!(at(17, 4), Some(15));
+        assert_eq!(at(14, 2), Some(4));
+        assert_eq!(at(15, 2), Some(0));
+        assert_eq!(at(13, 2), None);
+        assert_eq!(at(15, 7), Some(16));
+        assert_eq!([at(7, 3), at(8, 1), at(8, 0), at(30, 3), at(8, 10)], [None; 5]);
+    }
+
+    #[test]
+    fn every_small_size() {
+        let (theme, fields) = (plain(Borders::Ascii), fields());
+        for bytes in [&[][..], &BYTES] {
+            let bits = Bits::new(&theme, bytes).fields(&fields).selected(Some(3)).changed(u64::MAX);
+            in_every_small_size(|area, buf| {
+                bits.render(area, buf);
+                let _ = bits.bit_at(area, 3, 3);
+            });
+        }
+    }
+}

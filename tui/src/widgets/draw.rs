@@ -1,0 +1,162 @@
+//! What all widgets draw with: text at a place, cut where its room ends, and the scrollbar.
+//!
+//! ```text
+//! │spool position err…│        412.3│
+//! ```
+
+use ratatui::buffer::Buffer;
+use ratatui::layout::{Position, Rect};
+use ratatui::style::Style;
+use ratatui::text::{Line, Span};
+
+use crate::theme::{Glyph, Role, Theme};
+
+/// On which side of its room a text stands.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Align {
+    /// Names and sentences.
+    #[default]
+    Left,
+    /// Numbers.
+    Right,
+}
+
+/// A count of lines or columns as the terminal's coordinates have it.
+pub fn cells(count: usize) -> u16 {
+    u16::try_from(count).unwrap_or(u16::MAX)
+}
+
+/// How many columns a text takes.
+pub fn width(text: &str) -> u16 {
+    cells(Span::raw(text).width())
+}
+
+/// Draws a text from `x` on, at most `room` columns; gives the column behind it.
+pub fn put(buf: &mut Buffer, x: u16, y: u16, room: u16, text: &str, style: Style) -> u16 {
+    if buf.area.contains(Position::new(x, y)) {
+        buf.set_stringn(x, y, text, usize::from(room), style).0
+    } else {
+        x
+    }
+}
+
+/// Draws a line into the first line of `area`, with an ellipsis where it had to be cut.
+pub fn line(buf: &mut Buffer, area: Rect, line: &Line<'_>, align: Align, theme: &Theme) {
+    let area = area.intersection(buf.area);
+    if area.is_empty() {
+        return;
+    }
+    let wanted = cells(line.width());
+    if wanted <= area.width {
+        let before = if align == Align::Right { area.width - wanted } else { 0 };
+        buf.set_line(area.x + before, area.y, line, area.width - before);
+        return;
+    }
+    let ellipsis = theme.glyph(Glyph::Ellipsis);
+    let room = area.width.saturating_sub(width(ellipsis));
+    let (end, _) = buf.set_line(area.x, area.y, line, room);
+    put(buf, end, area.y, area.right().saturating_sub(end), ellipsis, line.style);
+}
+
+/// Draws a scrollbar into the last column of `area`, which shows as many rows as it has lines, from `start` on, of
+/// `count`.
+pub fn scrollbar(buf: &mut Buffer, area: Rect, start: usize, count: usize, theme: &Theme) {
+    let (top, length) = thumb(start, usize::from(area.height), count);
+    for (line, y) in (area.top()..area.bottom()).enumerate() {
+        let is_thumb = (top..top + length).contains(&line);
+        let (glyph, role) =
+            if is_thumb { (Glyph::Bar, Role::Quiet) } else { (Glyph::Vertical, Role::Border) };
+        put(buf, area.right().saturating_sub(1), y, 1, theme.glyph(glyph), theme.style(role));
+    }
+}
+
+/// First line and length of a scrollbar's thumb: at the top only where the first row is in view, at the bottom only
+/// where the last one is.
+fn thumb(start: usize, height: usize, count: usize) -> (usize, usize) {
+    let length = (height * height / count.max(1)).clamp(1, height.max(1));
+    let (lines, rows) = (height.saturating_sub(length), count.saturating_sub(height));
+    let top = match start {
+        0 => 0,
+        _ if start >= rows => lines,
+        // In 128 bits, since a table may have as many rows as there are numbers.
+        _ => usize::try_from(start as u128 * lines as u128 / rows as u128)
+            .unwrap_or(lines)
+            .clamp(1.min(lines), lines.saturating_sub(1).max(1.min(lines))),
+    };
+    (top, length)
+}
+
+#[cfg(test)]
+pub mod tests {
+    //! What the tests of all widgets share.
+
+    use super::*;
+    use crate::theme::{Borders, Depth, Palette};
+
+    /// A theme without colours.
+    pub fn plain(borders: Borders) -> Theme {
+        Theme::new(Palette::Dark, Depth::None, borders)
+    }
+
+    /// What a buffer shows, a string a line, without what is blank at the end.
+    pub fn shown(buf: &Buffer) -> Vec<String> {
+        let row = |y| (buf.area.left()..buf.area.right()).map(move |x| (x, y));
+        (buf.area.top()..buf.area.bottom())
+            .map(|y| {
+                let mut wide = 0;
+                let mut text = String::new();
+                for at in row(y) {
+                    // The cell behind a wide character is covered by it.
+                    if wide == 0 {
+                        text.push_str(buf[at].symbol());
+                        wide = width(buf[at].symbol()).max(1);
+                    }
+                    wide -= 1;
+                }
+                text.trim_end().to_owned()
+            })
+            .collect()
+    }
+
+    /// Draws into sizes where not everything has room and asserts that nothing panics.
+    pub fn in_every_small_size(mut draw: impl FnMut(Rect, &mut Buffer)) {
+        for width in 0..14 {
+            for height in 0..5 {
+                let mut buf = Buffer::empty(Rect::new(3, 2, width, height));
+                draw(buf.area, &mut buf);
+                // An area that is larger than the screen, as after a resize.
+                let mut buf = Buffer::empty(Rect::new(0, 0, width, height));
+                draw(Rect::new(1, 1, 40, 12), &mut buf);
+            }
+        }
+    }
+
+    #[test]
+    fn cut_text_ends_with_an_ellipsis() {
+        let drawn = |text: &str, width, align, borders| {
+            let mut buf = Buffer::empty(Rect::new(0, 0, width, 1));
+            line(&mut buf, Rect::new(0, 0, width, 1), &Line::from(text), align, &plain(borders));
+            shown(&buf).remove(0)
+        };
+        assert_eq!(drawn("spool", 6, Align::Left, Borders::Unicode), "spool");
+        assert_eq!(drawn("spool", 6, Align::Right, Borders::Unicode), " spool");
+        assert_eq!(drawn("spool position", 6, Align::Right, Borders::Unicode), "spool…");
+        assert_eq!(drawn("spool position", 6, Align::Left, Borders::Ascii), "spoo..");
+        // A wide character that has no room is left out as a whole.
+        assert_eq!(drawn("日本語", 6, Align::Left, Borders::Unicode), "日本語");
+        assert_eq!(drawn("日本語", 4, Align::Left, Borders::Unicode), "日…");
+        assert_eq!(drawn("ab", 1, Align::Left, Borders::Unicode), "…");
+        assert_eq!(drawn("ab", 1, Align::Left, Borders::Ascii), ".");
+    }
+
+    #[test]
+    fn the_thumb_is_at_an_end_only_there() {
+        assert_eq!(thumb(0, 10, 20), (0, 5));
+        assert_eq!(thumb(1, 10, 20), (1, 5));
+        assert_eq!(thumb(9, 10, 20), (4, 5));
+        assert_eq!(thumb(10, 10, 20), (5, 5));
+        assert_eq!(thumb(1, 10, usize::MAX), (1, 1));
+        assert_eq!(thumb(5, 1, 20), (0, 1));
+        assert_eq!(thumb(5, 2, 20), (1, 1));
+    }
+}

@@ -1,0 +1,116 @@
+//! Which columns have room and where they stand.
+//!
+//! ```text
+//! 100 columns   No   Time      ID   Node     What               Data
+//!  60 columns   No   Time      ID   What               (Node and Data had the lowest priority)
+//! ```
+
+use super::{Column, Width};
+
+/// Between two columns.
+const SPACE: u16 = 1;
+/// Less than this a column that takes what is left is not worth having.
+const LEAST_FILL: u16 = 10;
+
+/// What a column needs at least.
+fn least_of(width: Width) -> u16 {
+    match width {
+        Width::Fixed(least) | Width::Min(least) => least,
+        Width::Fill => LEAST_FILL,
+    }
+}
+
+/// A column that has room.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Placed {
+    /// Which of the table's columns.
+    pub index: usize,
+    /// Columns of the screen before it, from the table's left.
+    pub x: u16,
+    /// Its width.
+    pub width: u16,
+}
+
+/// Gives the columns that have room in `available` their places, from left to right.
+pub fn place(columns: &[Column], available: u16) -> Vec<Placed> {
+    let mut kept: Vec<_> = columns.iter().enumerate().collect();
+    while kept.len() > 1 && least(&kept) > available {
+        // The last of the least important ones.
+        let goes = kept.iter().enumerate().rev().min_by_key(|(_, (_, column))| column.priority);
+        let Some((at, _)) = goes else { break };
+        kept.remove(at);
+    }
+    let mut spare = available.saturating_sub(least(&kept));
+    let has_fill = kept.iter().any(|(_, column)| column.width == Width::Fill);
+    let grows = |column: &Column| match column.width {
+        Width::Fixed(_) => false,
+        Width::Min(_) => !has_fill,
+        Width::Fill => true,
+    };
+    let mut growing = kept.iter().filter(|(_, column)| grows(column)).count();
+    let mut x = 0;
+    let mut placed = Vec::with_capacity(kept.len());
+    for (index, column) in kept {
+        let mut width = least_of(column.width);
+        if grows(column) {
+            let part = spare / u16::try_from(growing).unwrap_or(u16::MAX).max(1);
+            width += part;
+            spare -= part;
+            growing -= 1;
+        }
+        let width = width.min(available.saturating_sub(x));
+        if width > 0 {
+            placed.push(Placed { index, x, width });
+        }
+        x = x.saturating_add(width).saturating_add(SPACE);
+    }
+    placed
+}
+
+/// What these columns need at least, spaces between them included.
+fn least(kept: &[(usize, &Column)]) -> u16 {
+    let widths = kept.iter().fold(0_u16, |sum, (_, column)| sum.saturating_add(least_of(column.width)));
+    let spaces = u16::try_from(kept.len().saturating_sub(1)).unwrap_or(u16::MAX);
+    widths.saturating_add(spaces.saturating_mul(SPACE))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn columns() -> Vec<Column> {
+        vec![
+            Column::new("No", Width::Fixed(4)).right().priority(5),
+            Column::new("Node", Width::Min(6)).priority(2),
+            Column::new("What", Width::Fill).priority(9),
+            Column::new("Data", Width::Fixed(8)).priority(2),
+        ]
+    }
+
+    fn placed(available: u16) -> Vec<(usize, u16, u16)> {
+        place(&columns(), available).iter().map(|column| (column.index, column.x, column.width)).collect()
+    }
+
+    #[test]
+    fn what_is_left_goes_to_those_that_fill() {
+        assert_eq!(placed(41), [(0, 0, 4), (1, 5, 6), (2, 12, 20), (3, 33, 8)]);
+        assert_eq!(placed(31), [(0, 0, 4), (1, 5, 6), (2, 12, 10), (3, 23, 8)]);
+    }
+
+    #[test]
+    fn the_least_important_goes_first_and_of_equal_ones_the_rightmost() {
+        assert_eq!(placed(30), [(0, 0, 4), (1, 5, 6), (2, 12, 18)]);
+        assert_eq!(placed(20), [(0, 0, 4), (2, 5, 15)]);
+        assert_eq!(placed(14), [(2, 0, 14)]);
+        assert_eq!(placed(3), [(2, 0, 3)]);
+        assert_eq!(placed(0), []);
+    }
+
+    #[test]
+    fn without_one_that_fills_those_with_a_minimum_share() {
+        let columns = [Column::new("a", Width::Min(3)), Column::new("b", Width::Min(5))];
+        let widths: Vec<_> = place(&columns, 14).iter().map(|column| column.width).collect();
+        assert_eq!(widths, [5, 8]);
+        assert_eq!(place(&[], 14), []);
+    }
+}

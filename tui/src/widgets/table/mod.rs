@@ -1,0 +1,519 @@
+//! A table of any number of rows, of which only those in view are ever asked for.
+//!
+//! ```text
+//! No▲ Time      Node  What                │  titles, the mark of the sorted column
+//!  17    0.412  boom  ▾ boot-up           █  an item that is open, and below it what belongs to it
+//!  18    0.413  boom    EMCY 0000 no err… █  ◀ the selected line is highlighted as a whole
+//!  19    0.900  boom  ▸ SDO download      │
+//! ```
+
+mod columns;
+mod state;
+
+use std::borrow::Cow;
+
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ratatui::style::{Modifier, Style};
+use ratatui::text::Line;
+
+pub use state::TableState;
+
+use crate::theme::{Glyph, Role, Theme};
+use crate::widgets::draw;
+pub use crate::widgets::draw::Align;
+
+/// How wide a column is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Width {
+    /// Always so many.
+    Fixed(u16),
+    /// At least so many; more where there is room and no column that takes all of it.
+    Min(u16),
+    /// What is left, but at least ten; several share it.
+    Fill,
+}
+
+/// A column of a table.
+#[derive(Clone, Debug)]
+pub struct Column {
+    /// Stands above it.
+    pub title: Cow<'static, str>,
+    /// How wide it is.
+    pub width: Width,
+    /// On which side its text stands.
+    pub align: Align,
+    /// Where there is not room for all, the lowest goes first; of equal ones the rightmost.
+    pub priority: u8,
+}
+
+impl Column {
+    /// A column of text on the left that is the last to go.
+    pub fn new(title: impl Into<Cow<'static, str>>, width: Width) -> Self {
+        Self { title: title.into(), width, align: Align::Left, priority: u8::MAX }
+    }
+
+    /// Puts numbers on the right.
+    #[must_use]
+    pub fn right(self) -> Self {
+        Self { align: Align::Right, ..self }
+    }
+
+    /// Says when the column goes.
+    #[must_use]
+    pub fn priority(self, priority: u8) -> Self {
+        Self { priority, ..self }
+    }
+}
+
+/// One value in a row.
+#[derive(Clone, Debug, Default)]
+pub struct Cell<'a> {
+    /// What it says.
+    pub text: Line<'a>,
+    /// How, for whatever of the text has no style of its own.
+    pub style: Style,
+}
+
+impl<'a> Cell<'a> {
+    /// A text in a style.
+    pub fn new(text: impl Into<Line<'a>>, style: Style) -> Self {
+        Self { text: text.into(), style }
+    }
+}
+
+impl<'a, T: Into<Line<'a>>> From<T> for Cell<'a> {
+    fn from(text: T) -> Self {
+        Self { text: text.into(), style: Style::new() }
+    }
+}
+
+/// The place of a row in a tree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Group {
+    /// How deep it is.
+    pub level: u8,
+    /// Whether what belongs to it is shown; nothing where nothing does.
+    pub open: Option<bool>,
+}
+
+/// One row.
+#[derive(Clone, Debug, Default)]
+pub struct Row<'a> {
+    /// As many as there are columns, in their order; missing ones are empty.
+    pub cells: Vec<Cell<'a>>,
+    /// Below the styles of the cells.
+    pub style: Style,
+    /// Its place in a tree, if the table is one.
+    pub group: Option<Group>,
+}
+
+impl<'a> Row<'a> {
+    /// A row of cells.
+    pub fn new<C: Into<Cell<'a>>>(cells: impl IntoIterator<Item = C>) -> Self {
+        Self { cells: cells.into_iter().map(Into::into).collect(), ..Self::default() }
+    }
+
+    /// Sets what is below the styles of the cells.
+    #[must_use]
+    pub fn style(self, style: Style) -> Self {
+        Self { style, ..self }
+    }
+
+    /// Puts the row into a tree.
+    #[must_use]
+    pub fn group(self, level: u8, open: Option<bool>) -> Self {
+        Self { group: Some(Group { level, open }), ..self }
+    }
+}
+
+/// Gives the row of a number.
+type Rows<'a> = Box<dyn FnMut(usize) -> Row<'a> + 'a>;
+
+/// A table to be drawn.
+pub struct Table<'a> {
+    theme: &'a Theme,
+    columns: &'a [Column],
+    count: usize,
+    rows: Rows<'a>,
+    state: Option<&'a TableState>,
+    is_focused: bool,
+    tree_column: usize,
+    empty: &'a str,
+}
+
+impl<'a> Table<'a> {
+    /// A table without rows.
+    pub fn new(theme: &'a Theme, columns: &'a [Column]) -> Self {
+        let rows = Box::new(|_| Row::default());
+        Self { theme, columns, count: 0, rows, state: None, is_focused: true, tree_column: 0, empty: "" }
+    }
+
+    /// How many rows there are.
+    #[must_use]
+    pub fn row_count(self, count: usize) -> Self {
+        Self { count, ..self }
+    }
+
+    /// Gives the rows; asked only for those in view.
+    #[must_use]
+    #[expect(
+        clippy::redundant_closure,
+        reason = "only a closure makes of a longer lived row a shorter lived one"
+    )]
+    pub fn rows<'row: 'a>(self, mut rows: impl FnMut(usize) -> Row<'row> + 'a) -> Self {
+        Self { rows: Box::new(move |index| rows(index)), ..self }
+    }
+
+    /// What is selected and in view.
+    #[must_use]
+    pub fn state(self, state: &'a TableState) -> Self {
+        Self { state: Some(state), ..self }
+    }
+
+    /// Whether keys act on this table.
+    #[must_use]
+    pub fn focused(self, is_focused: bool) -> Self {
+        Self { is_focused, ..self }
+    }
+
+    /// The column that is indented by [`Row::group`]; the first one unless said otherwise.
+    #[must_use]
+    pub fn tree_column(self, column: usize) -> Self {
+        Self { tree_column: column, ..self }
+    }
+
+    /// What to say where there are no rows.
+    #[must_use]
+    pub fn empty(self, text: &'a str) -> Self {
+        Self { empty: text, ..self }
+    }
+
+    /// How many rows are in view in an area: what `TableState` calls the height.
+    pub fn height(area: Rect) -> usize {
+        usize::from(body(area).height)
+    }
+
+    /// Draws the table.
+    pub fn render(mut self, area: Rect, buf: &mut Buffer) {
+        let area = area.intersection(buf.area);
+        if area.is_empty() {
+            return;
+        }
+        let inside = self.inside(area);
+        let placed = columns::place(self.columns, inside.width);
+        let body = body(inside);
+        if body.y > area.y {
+            self.draw_titles(&placed, inside, buf);
+        }
+        if self.count == 0 {
+            let text = Line::styled(self.empty, self.theme.style(Role::Quiet));
+            draw::line(buf, body, &text, Align::Left, self.theme);
+            return;
+        }
+        let visible = self.visible(area);
+        let selected = self.state.map(|state| state.selected.min(self.count - 1));
+        for (y, index) in (body.y..).zip(visible.clone()) {
+            let row = (self.rows)(index);
+            let place = Rect { y, height: 1, ..body };
+            self.draw_row(&row, &placed, place, buf);
+            if Some(index) == selected {
+                buf.set_style(Rect { width: area.width, ..place }, self.theme.selection(self.is_focused));
+                self.mark_cell(&placed, place, buf);
+            }
+        }
+        if inside.width < area.width {
+            draw::scrollbar(buf, Rect { width: area.width, ..body }, visible.start, self.count, self.theme);
+        }
+    }
+
+    /// The row at a line of the screen.
+    pub fn row_at(&self, area: Rect, y: u16, state: &TableState) -> Option<usize> {
+        let body = body(area);
+        let line = usize::from(y.checked_sub(body.y)?);
+        let visible = state.visible(usize::from(body.height), self.count);
+        (line < visible.len()).then(|| visible.start + line)
+    }
+
+    /// The column at a column of the screen; the space behind one belongs to it.
+    pub fn column_at(&self, area: Rect, x: u16) -> Option<usize> {
+        let inside = self.inside(area);
+        if !(inside.left()..inside.right()).contains(&x) {
+            return None;
+        }
+        let placed = columns::place(self.columns, inside.width);
+        placed.iter().rev().find(|column| inside.x + column.x <= x).map(|column| column.index)
+    }
+
+    /// Whether a line of the screen is that of the titles.
+    pub fn is_title_at(area: Rect, y: u16) -> bool {
+        area.y == y && body(area).y > y
+    }
+
+    /// The rows in view.
+    fn visible(&self, area: Rect) -> std::ops::Range<usize> {
+        let height = Self::height(area);
+        self.state.map_or(0..height.min(self.count), |state| state.visible(height, self.count))
+    }
+
+    /// The area without the scrollbar.
+    fn inside(&self, area: Rect) -> Rect {
+        let scrolls = self.count > Self::height(area) && area.width > 2;
+        Rect { width: area.width - u16::from(scrolls), ..area }
+    }
+
+    fn draw_titles(&self, placed: &[columns::Placed], area: Rect, buf: &mut Buffer) {
+        let sort = self.state.and_then(|state| state.sort);
+        for column in placed {
+            let Some(Column { title, align, .. }) = self.columns.get(column.index) else { continue };
+            let mark = match sort {
+                Some((index, is_descending)) if index == column.index => {
+                    self.theme.glyph(if is_descending { Glyph::Down } else { Glyph::Up })
+                }
+                _ => "",
+            };
+            let mut place = Rect { x: area.x + column.x, width: column.width, height: 1, ..area };
+            let mut style = self.theme.style(Role::HeaderCell);
+            if self.is_focused && self.state.is_some_and(|state| state.column == column.index) {
+                style = style.patch(self.theme.style(Role::Key));
+            }
+            // The mark is what must be seen of a title that has to be cut.
+            let mark_width = draw::width(mark).min(place.width);
+            place.width -= mark_width;
+            draw::line(buf, place, &Line::styled(title.as_ref(), style), *align, self.theme);
+            let title_width = match align {
+                Align::Left => draw::width(title).min(place.width),
+                Align::Right => place.width,
+            };
+            draw::put(buf, place.x + title_width, place.y, mark_width, mark, style);
+        }
+    }
+
+    fn draw_row(&self, row: &Row<'_>, placed: &[columns::Placed], area: Rect, buf: &mut Buffer) {
+        buf.set_style(area, row.style);
+        // A tree stays a tree where its own column had no room.
+        let tree = placed.iter().find(|column| column.index >= self.tree_column).or(placed.first());
+        for column in placed {
+            let mut place = Rect { x: area.x + column.x, width: column.width, ..area };
+            let align = self.columns.get(column.index).map_or(Align::Left, |column| column.align);
+            if let Some(group) = row.group
+                && tree == Some(column)
+            {
+                place = self.draw_branch(group, place, buf);
+            }
+            if let Some(cell) = row.cells.get(column.index) {
+                buf.set_style(place, cell.style);
+                draw::line(buf, place, &cell.text, align, self.theme);
+            }
+        }
+    }
+
+    /// Draws the indent and the mark of a tree's row; gives the place behind it.
+    fn draw_branch(&self, group: Group, place: Rect, buf: &mut Buffer) -> Rect {
+        let mark = match group.open {
+            Some(true) => self.theme.glyph(Glyph::Open),
+            Some(false) => self.theme.glyph(Glyph::Closed),
+            None => " ",
+        };
+        let indent = (u16::from(group.level) * 2).min(place.width);
+        draw::put(buf, place.x + indent, place.y, place.width - indent, mark, self.theme.style(Role::Quiet));
+        let used = (indent + 2).min(place.width);
+        Rect { x: place.x + used, width: place.width - used, ..place }
+    }
+
+    /// Underlines the cell of the selected line that belongs to the current column.
+    fn mark_cell(&self, placed: &[columns::Placed], place: Rect, buf: &mut Buffer) {
+        let current = self.state.map(|state| state.column).filter(|_| self.is_focused);
+        if let Some(column) = placed.iter().find(|column| Some(column.index) == current) {
+            let cell = Rect { x: place.x + column.x, width: column.width, ..place };
+            buf.set_style(cell, Style::new().add_modifier(Modifier::UNDERLINED));
+        }
+    }
+}
+
+/// The area without the titles, for which a single line is too dear.
+fn body(area: Rect) -> Rect {
+    let titles = u16::from(area.height > 1);
+    Rect { y: area.y + titles, height: area.height - titles, ..area }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::RefCell;
+
+    use super::*;
+    use crate::theme::{Borders, Depth, Palette};
+    use crate::widgets::draw::tests::{in_every_small_size, plain, shown};
+
+    fn columns() -> Vec<Column> {
+        vec![
+            Column::new("No", Width::Fixed(4)).right().priority(5),
+            Column::new("Node", Width::Fixed(6)).priority(2),
+            Column::new("What", Width::Fill).priority(9),
+        ]
+    }
+
+    fn row(index: usize) -> Row<'static> {
+        let what = if index.is_multiple_of(2) { "boot-up" } else { "EMCY 8305 spool position error" };
+        Row::new([Cell::from(index.to_string()), "boom".into(), what.into()])
+    }
+
+    fn drawn(width: u16, height: u16, borders: Borders, count: usize, state: &TableState) -> Vec<String> {
+        let (theme, columns) = (plain(borders), columns());
+        let mut buf = Buffer::empty(Rect::new(0, 0, width, height));
+        Table::new(&theme, &columns).row_count(count).rows(row).state(state).render(buf.area, &mut buf);
+        shown(&buf)
+    }
+
+    #[test]
+    fn rows_titles_and_a_scrollbar() {
+        let state = TableState { selected: 12, offset: 9, sort: Some((0, false)), column: 2 };
+        assert_eq!(
+            drawn(32, 7, Borders::Unicode, 40, &state),
+            [
+                " No▲ Node   What",
+                "   9 boom   EMCY 8305 spool po…│",
+                "  10 boom   boot-up            █",
+                "  11 boom   EMCY 8305 spool po…│",
+                "  12 boom   boot-up            │",
+                "  13 boom   EMCY 8305 spool po…│",
+                "  14 boom   boot-up            │",
+            ]
+        );
+        let state = TableState { sort: Some((1, true)), ..state };
+        assert_eq!(
+            drawn(32, 4, Borders::Ascii, 40, &state),
+            [
+                "  No Nodev  What",
+                "  11 boom   EMCY 8305 spool p..|",
+                "  12 boom   boot-up            #",
+                "  13 boom   EMCY 8305 spool p..|",
+            ]
+        );
+    }
+
+    #[test]
+    fn narrow_tables_keep_what_matters() {
+        let state = TableState::default();
+        assert_eq!(
+            drawn(20, 3, Borders::Unicode, 2, &state),
+            ["  No What", "   0 boot-up", "   1 EMCY 8305 spoo…"]
+        );
+        assert_eq!(drawn(9, 3, Borders::Unicode, 9, &state), ["What", "boot-up █", "EMCY 83…│"]);
+        assert_eq!(drawn(9, 1, Borders::Unicode, 9, &state), ["boot-up █"]);
+        assert_eq!(drawn(1, 2, Borders::Unicode, 9, &state), ["…", "…"]);
+    }
+
+    #[test]
+    fn only_rows_in_view_are_asked_for() {
+        let (theme, columns) = (plain(Borders::Unicode), columns());
+        let asked = RefCell::new(Vec::new());
+        let state = TableState { selected: usize::MAX / 2, ..TableState::default() };
+        let mut buf = Buffer::empty(Rect::new(0, 0, 30, 4));
+        let rows = |index| {
+            asked.borrow_mut().push(index);
+            row(index)
+        };
+        Table::new(&theme, &columns)
+            .row_count(usize::MAX)
+            .rows(rows)
+            .state(&state)
+            .render(buf.area, &mut buf);
+        let middle = usize::MAX / 2;
+        assert_eq!(asked.into_inner(), [middle - 1, middle, middle + 1]);
+    }
+
+    #[test]
+    fn the_selected_line_is_highlighted_across() {
+        let (theme, columns) = (plain(Borders::Unicode), columns());
+        let state = TableState { selected: 1, column: 1, ..TableState::default() };
+        let mut buf = Buffer::empty(Rect::new(0, 0, 30, 4));
+        Table::new(&theme, &columns).row_count(2).rows(row).state(&state).render(buf.area, &mut buf);
+        for x in 0..30 {
+            assert!(!buf[(x, 1)].modifier.contains(Modifier::REVERSED), "{x}");
+            assert!(buf[(x, 2)].modifier.contains(Modifier::REVERSED), "{x}");
+            assert_eq!(buf[(x, 2)].modifier.contains(Modifier::UNDERLINED), (5..11).contains(&x), "{x}");
+        }
+        let mut buf = Buffer::empty(Rect::new(0, 0, 30, 4));
+        let table = Table::new(&theme, &columns).row_count(2).rows(row).state(&state);
+        table.focused(false).render(buf.area, &mut buf);
+        assert_eq!(buf[(0, 2)].modifier, Modifier::UNDERLINED);
+    }
+
+    #[test]
+    fn cells_keep_their_styles() {
+        let theme = Theme::new(Palette::Dark, Depth::Sixteen, Borders::Unicode);
+        let columns = columns();
+        let bad = theme.style(Role::Bad);
+        let quiet = theme.style(Role::Quiet);
+        let mut buf = Buffer::empty(Rect::new(0, 0, 30, 2));
+        let row = |_| Row::new([Cell::from("1"), Cell::new("boom", bad)]).style(quiet);
+        Table::new(&theme, &columns).row_count(1).rows(row).render(buf.area, &mut buf);
+        assert_eq!(
+            (buf[(3, 1)].fg, buf[(5, 1)].fg, buf[(20, 1)].fg),
+            (quiet.fg.unwrap(), bad.fg.unwrap(), quiet.fg.unwrap())
+        );
+    }
+
+    #[test]
+    fn a_tree_is_indented() {
+        let columns = [Column::new("Finding", Width::Fill), Column::new("Count", Width::Fixed(5)).right()];
+        let rows = |index| {
+            let (level, open, text) =
+                [(0, Some(true), "node-lost"), (1, None, "node 5"), (0, Some(false), "guard-late")][index];
+            Row::new([text, "1"]).group(level, open)
+        };
+        let drawn = |borders| {
+            let theme = plain(borders);
+            let mut buf = Buffer::empty(Rect::new(0, 0, 20, 4));
+            Table::new(&theme, &columns).row_count(3).rows(rows).render(buf.area, &mut buf);
+            shown(&buf)
+        };
+        assert_eq!(
+            drawn(Borders::Unicode),
+            ["Finding        Count", "▾ node-lost        1", "    node 5         1", "▸ guard-late       1"]
+        );
+        assert_eq!(drawn(Borders::Ascii)[1], "- node-lost        1");
+        assert_eq!(drawn(Borders::Ascii)[3], "+ guard-late       1");
+    }
+
+    #[test]
+    fn an_empty_table_says_so() {
+        let (theme, columns) = (plain(Borders::Unicode), columns());
+        let mut buf = Buffer::empty(Rect::new(0, 0, 24, 3));
+        Table::new(&theme, &columns).empty("no events yet").render(buf.area, &mut buf);
+        assert_eq!(shown(&buf), ["  No Node   What", "no events yet", ""]);
+    }
+
+    #[test]
+    fn clicks_find_rows_and_columns() {
+        let (theme, columns) = (plain(Borders::Unicode), columns());
+        let area = Rect::new(10, 5, 30, 6);
+        let state = TableState { selected: 20, offset: 18, ..TableState::default() };
+        let table = Table::new(&theme, &columns).row_count(22);
+        assert_eq!(table.row_at(area, 4, &state), None);
+        assert_eq!(table.row_at(area, 5, &state), None);
+        assert_eq!(table.row_at(area, 6, &state), Some(17));
+        assert_eq!(table.row_at(area, 10, &state), Some(21));
+        assert_eq!(table.row_at(area, 11, &state), None);
+        assert!(Table::is_title_at(area, 5) && !Table::is_title_at(area, 6));
+        let at = |x| table.column_at(area, x);
+        assert_eq!(
+            [at(9), at(10), at(14), at(15), at(22), at(38), at(39)],
+            [None, Some(0), Some(0), Some(1), Some(2), Some(2), None]
+        );
+    }
+
+    #[test]
+    fn every_small_size() {
+        let (theme, columns) = (plain(Borders::Ascii), columns());
+        for count in [0, 1, 100] {
+            let state = TableState { selected: 50, sort: Some((2, true)), ..TableState::default() };
+            in_every_small_size(|area, buf| {
+                let table = Table::new(&theme, &columns).row_count(count).state(&state).empty("none");
+                let _ = (table.row_at(area, 2, &state), table.column_at(area, 4));
+                table.rows(|index| row(index).group(200, Some(true))).render(area, buf);
+            });
+        }
+    }
+}

@@ -1,0 +1,216 @@
+//! Where one is in a table: plain data, moved by keys without any drawing.
+//!
+//! ```text
+//! offset ──▶  ┌──────────┐
+//!             │          │
+//! selected ─▶ │▒▒▒▒▒▒▒▒▒▒│   two lines before and behind it stay in view
+//!             │          │
+//!             └──────────┘
+//! ```
+
+use std::ops::Range;
+
+/// How many lines are kept in view before and behind the selected one.
+const MARGIN: usize = 2;
+
+/// The selected row and what is in view.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct TableState {
+    /// The row keys act on.
+    pub selected: usize,
+    /// The first row in view, as far as the selection allows; see [`TableState::visible`].
+    pub offset: usize,
+    /// By which column the rows are sorted, and whether descending.
+    pub sort: Option<(usize, bool)>,
+    /// The column keys act on.
+    pub column: usize,
+}
+
+impl TableState {
+    /// Moves the selection by some rows, stopping at both ends.
+    pub fn move_by(&mut self, delta: isize, len: usize) {
+        self.selected = self.selected.saturating_add_signed(delta);
+        self.clamp(len);
+    }
+
+    /// Moves by pages of `height` rows; one row stays in view.
+    pub fn page(&mut self, delta: isize, height: usize, len: usize) {
+        let rows = isize::try_from(height.saturating_sub(1).max(1)).unwrap_or(isize::MAX);
+        let by = delta.saturating_mul(rows);
+        self.offset = self.visible(height, len).start.saturating_add_signed(by);
+        self.move_by(by, len);
+        self.settle(height, len);
+    }
+
+    /// Scrolls without moving the selection, except where it would leave the view.
+    pub fn scroll(&mut self, delta: isize, height: usize, len: usize) {
+        let last = len.saturating_sub(height);
+        self.offset = self.visible(height, len).start.saturating_add_signed(delta).min(last);
+        let margin = margin(height);
+        let first = if self.offset == 0 { 0 } else { self.offset.saturating_add(margin) };
+        let end = if self.offset == last { len } else { self.offset.saturating_add(height - margin) };
+        self.selected = self.selected.clamp(first, end.saturating_sub(1).max(first));
+        self.clamp(len);
+    }
+
+    /// Goes to the first row.
+    pub fn home(&mut self) {
+        self.selected = 0;
+        self.offset = 0;
+    }
+
+    /// Goes to the last row.
+    pub fn end(&mut self, len: usize) {
+        self.selected = usize::MAX;
+        self.clamp(len);
+    }
+
+    /// Moves to another column of `count`.
+    pub fn move_column(&mut self, delta: isize, count: usize) {
+        self.column = self.column.saturating_add_signed(delta).min(count.saturating_sub(1));
+    }
+
+    /// Sorts by the current column: ascending, descending, not at all.
+    pub fn cycle_sort(&mut self) {
+        self.sort = match self.sort {
+            Some((column, false)) if column == self.column => Some((column, true)),
+            Some((column, true)) if column == self.column => None,
+            _ => Some((self.column, false)),
+        };
+    }
+
+    /// Keeps the selection within `len` rows.
+    pub fn clamp(&mut self, len: usize) {
+        self.selected = self.selected.min(len.saturating_sub(1));
+    }
+
+    /// Remembers what is in view, so that the view stays when the selection turns back. Called after moves,
+    /// by whoever knows how many rows were in view.
+    pub fn settle(&mut self, height: usize, len: usize) {
+        self.offset = self.visible(height, len).start;
+    }
+
+    /// The rows in view: from `offset` on, moved as far as the selection and the end of the table ask.
+    pub fn visible(&self, height: usize, len: usize) -> Range<usize> {
+        let selected = self.selected.min(len.saturating_sub(1));
+        let margin = margin(height);
+        let earliest = selected.saturating_add(margin + 1).saturating_sub(height.max(1));
+        let start = self.offset.min(selected.saturating_sub(margin)).max(earliest);
+        let start = start.min(len.saturating_sub(height));
+        start..start.saturating_add(height).min(len)
+    }
+}
+
+/// In a view of few rows the margin is what is left beside the selected one.
+fn margin(height: usize) -> usize {
+    MARGIN.min(height.saturating_sub(1) / 2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(selected: usize, offset: usize) -> TableState {
+        TableState { selected, offset, ..TableState::default() }
+    }
+
+    #[test]
+    fn the_selection_stays_in_view_with_a_margin() {
+        assert_eq!(at(0, 0).visible(10, 100), 0..10);
+        assert_eq!(at(7, 0).visible(10, 100), 0..10);
+        assert_eq!(at(8, 0).visible(10, 100), 1..11);
+        assert_eq!(at(99, 0).visible(10, 100), 90..100);
+        assert_eq!(at(42, 40).visible(10, 100), 40..50);
+        assert_eq!(at(41, 40).visible(10, 100), 39..49);
+        assert_eq!(at(1, 40).visible(10, 100), 0..10);
+    }
+
+    #[test]
+    fn views_of_few_rows() {
+        assert_eq!(at(5, 0).visible(0, 100), 5..5);
+        assert_eq!(at(5, 0).visible(1, 100), 5..6);
+        assert_eq!(at(5, 0).visible(2, 100), 4..6);
+        assert_eq!(at(5, 0).visible(3, 100), 4..7);
+        assert_eq!(at(5, 3).visible(10, 4), 0..4);
+        assert_eq!(at(5, 3).visible(10, 0), 0..0);
+    }
+
+    #[test]
+    fn the_view_stays_when_the_selection_turns_back() {
+        let mut state = at(0, 0);
+        state.move_by(20, 100);
+        state.settle(10, 100);
+        assert_eq!(state.visible(10, 100), 13..23);
+        state.move_by(-3, 100);
+        assert_eq!(state.visible(10, 100), 13..23);
+    }
+
+    #[test]
+    fn moves_stop_at_both_ends() {
+        let mut state = at(3, 0);
+        state.move_by(-10, 100);
+        assert_eq!(state.selected, 0);
+        state.end(100);
+        assert_eq!(state.selected, 99);
+        state.move_by(isize::MAX, 100);
+        assert_eq!(state.selected, 99);
+        state.move_by(1, 0);
+        assert_eq!(state.selected, 0);
+        state.move_by(isize::MIN, usize::MAX);
+        assert_eq!(state.selected, 0);
+        state.home();
+        assert_eq!((state.selected, state.offset), (0, 0));
+    }
+
+    #[test]
+    fn a_page_leaves_one_row_in_view() {
+        let mut state = at(0, 0);
+        state.page(1, 10, 100);
+        assert_eq!((state.selected, state.offset), (9, 9 - 2));
+        state.page(1, 10, 100);
+        assert_eq!((state.selected, state.offset), (18, 16));
+        state.page(-1, 10, 100);
+        assert_eq!((state.selected, state.offset), (9, 7));
+        state.page(50, 10, 100);
+        assert_eq!((state.selected, state.offset), (99, 90));
+        state.page(-1, 0, 100);
+        assert_eq!(state.selected, 98);
+    }
+
+    #[test]
+    fn the_wheel_drags_the_selection_only_where_it_must() {
+        let mut state = at(5, 0);
+        state.scroll(3, 10, 100);
+        assert_eq!((state.selected, state.offset), (5, 3));
+        state.scroll(3, 10, 100);
+        assert_eq!((state.selected, state.offset), (8, 6));
+        assert_eq!(state.visible(10, 100), 6..16);
+        state.scroll(-6, 10, 100);
+        assert_eq!((state.selected, state.offset), (7, 0));
+        state.scroll(1000, 10, 100);
+        assert_eq!(state.visible(10, 100), 90..100);
+        state.scroll(1, 10, 3);
+        assert_eq!((state.selected, state.offset), (2, 0));
+        state.scroll(1, 0, 0);
+        assert_eq!(state.selected, 0);
+    }
+
+    #[test]
+    fn sorting_goes_round() {
+        let mut state = TableState { column: 2, ..TableState::default() };
+        let mut seen = Vec::new();
+        for _ in 0..3 {
+            state.cycle_sort();
+            seen.push(state.sort);
+        }
+        assert_eq!(seen, [Some((2, false)), Some((2, true)), None]);
+        state.cycle_sort();
+        state.move_column(1, 4);
+        state.cycle_sort();
+        assert_eq!(state.sort, Some((3, false)));
+        state.move_column(1, 4);
+        assert_eq!(state.column, 3);
+        state.move_column(-9, 4);
+        assert_eq!(state.column, 0);
+    }
+}

@@ -1,0 +1,217 @@
+//! Styled text that is wrapped at words and scrolled.
+//!
+//! ```text
+//! node-lost                          █
+//!   The node sent no heartbeat for   │  a line that goes on keeps its indent
+//!   longer than its 0x1017 promises. │
+//! ```
+
+use std::ops::Range;
+
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ratatui::style::Style;
+use ratatui::text::{Line, StyledGrapheme};
+
+use crate::theme::Theme;
+use crate::widgets::draw;
+
+/// Text to be drawn.
+#[derive(Clone, Copy, Debug)]
+pub struct TextLines<'a> {
+    theme: &'a Theme,
+    lines: &'a [Line<'a>],
+    scroll: usize,
+}
+
+impl<'a> TextLines<'a> {
+    /// A text from its beginning.
+    pub fn new(theme: &'a Theme, lines: &'a [Line<'a>]) -> Self {
+        Self { theme, lines, scroll: 0 }
+    }
+
+    /// Leaves out so many lines of the screen, but not more than are needed to see the end.
+    #[must_use]
+    pub fn scroll(self, scroll: usize) -> Self {
+        Self { scroll, ..self }
+    }
+
+    /// How many lines of the screen the text takes at a width.
+    pub fn total(&self, width: u16) -> usize {
+        self.lines.iter().map(|line| Wrapped::new(line, width).rows.len()).sum()
+    }
+
+    /// The scroll that shows the end of the text.
+    pub fn last_scroll(&self, area: Rect) -> usize {
+        self.total(self.inside(area).width).saturating_sub(usize::from(area.height))
+    }
+
+    /// Draws the text.
+    pub fn render(&self, area: Rect, buf: &mut Buffer) {
+        let area = area.intersection(buf.area);
+        if area.is_empty() {
+            return;
+        }
+        let inside = self.inside(area);
+        let scroll = self.scroll.min(self.last_scroll(area));
+        let wrapped = self.lines.iter().map(|line| Wrapped::new(line, inside.width));
+        let mut skipped = 0;
+        let mut y = inside.y;
+        for line in wrapped {
+            for (at, row) in line.rows.iter().enumerate() {
+                if skipped < scroll {
+                    skipped += 1;
+                } else if y < inside.bottom() {
+                    let indent = if at == 0 { 0 } else { line.indent };
+                    line.draw(row.clone(), inside.x + indent, y, inside.right(), buf);
+                    y += 1;
+                } else {
+                    break;
+                }
+            }
+            if y == inside.bottom() {
+                break;
+            }
+        }
+        if inside.width < area.width {
+            draw::scrollbar(buf, area, scroll, self.total(inside.width), self.theme);
+        }
+    }
+
+    /// The area without the scrollbar, which is there when the text does not fit.
+    fn inside(&self, area: Rect) -> Rect {
+        let scrolls = area.width > 2 && self.total(area.width) > usize::from(area.height);
+        Rect { width: area.width - u16::from(scrolls), ..area }
+    }
+}
+
+/// A line as it is broken into rows.
+struct Wrapped<'a> {
+    graphemes: Vec<StyledGrapheme<'a>>,
+    rows: Vec<Range<usize>>,
+    /// Of all rows but the first one.
+    indent: u16,
+}
+
+impl<'a> Wrapped<'a> {
+    fn new(line: &'a Line<'_>, width: u16) -> Self {
+        let graphemes: Vec<_> = line.styled_graphemes(Style::new()).collect();
+        let blank = graphemes.iter().take_while(|grapheme| grapheme.symbol == " ").count();
+        let indent = Some(draw::cells(blank)).filter(|indent| *indent <= width / 2).unwrap_or(0);
+        let mut rows = Vec::new();
+        let mut start = 0;
+        loop {
+            let room = if start == 0 { width } else { width - indent };
+            let first = if start == 0 { usize::from(indent) } else { 0 };
+            let (end, next) = row_end(graphemes.get(start..).unwrap_or_default(), room, first);
+            rows.push(start..start + end);
+            start += next;
+            if start >= graphemes.len() {
+                break;
+            }
+        }
+        Self { graphemes, rows, indent }
+    }
+
+    fn draw(&self, row: Range<usize>, mut x: u16, y: u16, right: u16, buf: &mut Buffer) {
+        for grapheme in self.graphemes.get(row).unwrap_or_default() {
+            x = draw::put(buf, x, y, right.saturating_sub(x), grapheme.symbol, grapheme.style);
+        }
+    }
+}
+
+/// How many graphemes go into a row, and how many are done with it: the blanks it is broken at are in no row. No break is
+/// looked for before `first`.
+fn row_end(graphemes: &[StyledGrapheme<'_>], room: u16, first: usize) -> (usize, usize) {
+    let mut used = 0;
+    let mut blank = None;
+    for (at, grapheme) in graphemes.iter().enumerate() {
+        let is_blank = grapheme.symbol == " ";
+        if is_blank && at >= first {
+            blank = Some(at);
+        }
+        used += draw::width(grapheme.symbol);
+        if used > room {
+            // A word longer than a row is broken anywhere; something goes into each row, or there would be no end.
+            let end = blank.filter(|blank| *blank > 0).unwrap_or(at.max(1));
+            let rest = graphemes.get(end..).unwrap_or_default();
+            let blanks = rest.iter().take_while(|grapheme| grapheme.symbol == " ").count();
+            return (end, end + blanks);
+        }
+    }
+    (graphemes.len(), graphemes.len())
+}
+
+#[cfg(test)]
+mod tests {
+    use ratatui::style::Stylize as _;
+
+    use super::*;
+    use crate::theme::Borders;
+    use crate::widgets::draw::tests::{in_every_small_size, plain, shown};
+
+    fn drawn(lines: &[Line<'_>], width: u16, height: u16, scroll: usize) -> Vec<String> {
+        let mut buf = Buffer::empty(Rect::new(0, 0, width, height));
+        TextLines::new(&plain(Borders::Unicode), lines).scroll(scroll).render(buf.area, &mut buf);
+        shown(&buf)
+    }
+
+    #[test]
+    fn wraps_at_words_and_keeps_the_indent() {
+        let lines = [
+            Line::from("node-lost"),
+            Line::default(),
+            Line::from("  no heartbeat for  longer than 0x1017 says"),
+        ];
+        assert_eq!(
+            drawn(&lines, 20, 6, 0),
+            ["node-lost", "", "  no heartbeat for", "  longer than 0x1017", "  says", ""]
+        );
+        let plain = plain(Borders::Unicode);
+        let text = TextLines::new(&plain, &lines);
+        assert_eq!((text.total(20), text.total(80), text.total(9)), (5, 3, 9));
+    }
+
+    #[test]
+    fn long_words_and_wide_characters_are_broken_anywhere() {
+        assert_eq!(drawn(&[Line::from("0123456789")], 4, 3, 0), ["0123", "4567", "89"]);
+        assert_eq!(drawn(&[Line::from("日本語")], 5, 2, 0), ["日本", "語"]);
+        assert_eq!(drawn(&[Line::from("日")], 1, 2, 0), ["", ""]);
+        assert_eq!(drawn(&[Line::from("exactly so")], 10, 2, 0), ["exactly so", ""]);
+        assert_eq!(drawn(&[Line::from("exactly  so")], 8, 2, 0), ["exactly", "so"]);
+    }
+
+    #[test]
+    fn styles_go_on_over_a_break() {
+        let lines = [Line::from(vec!["a ".into(), "bold word".bold(), " z".into()])];
+        let mut buf = Buffer::empty(Rect::new(0, 0, 7, 2));
+        TextLines::new(&plain(Borders::Unicode), &lines).render(buf.area, &mut buf);
+        let mut expected = Buffer::with_lines([
+            Line::from(vec!["a ".into(), "bold".bold(), " ".into()]),
+            Line::from(vec!["word".bold(), " z ".into()]),
+        ]);
+        expected.set_style(Rect::new(6, 0, 1, 1), Style::new());
+        assert_eq!(buf, expected);
+    }
+
+    #[test]
+    fn scrolls_to_the_end_and_no_further() {
+        let lines: Vec<_> = (1..=9).map(|number| Line::from(format!("line {number}"))).collect();
+        assert_eq!(drawn(&lines, 10, 3, 0), ["line 1   █", "line 2   │", "line 3   │"]);
+        assert_eq!(drawn(&lines, 10, 3, 4), ["line 5   │", "line 6   █", "line 7   │"]);
+        assert_eq!(drawn(&lines, 10, 3, 99), ["line 7   │", "line 8   │", "line 9   █"]);
+        let theme = plain(Borders::Unicode);
+        assert_eq!(TextLines::new(&theme, &lines).last_scroll(Rect::new(0, 0, 10, 3)), 6);
+        assert_eq!(TextLines::new(&theme, &lines).last_scroll(Rect::new(0, 0, 10, 9)), 0);
+        assert_eq!(drawn(&[], 10, 2, 5), ["", ""]);
+    }
+
+    #[test]
+    fn every_small_size() {
+        let lines = [Line::from("   日本語 a long_long_long_word   "), Line::default(), Line::from("      ")];
+        let theme = plain(Borders::Ascii);
+        for scroll in [0, 3, 99] {
+            in_every_small_size(|area, buf| TextLines::new(&theme, &lines).scroll(scroll).render(area, buf));
+        }
+    }
+}
