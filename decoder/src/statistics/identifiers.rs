@@ -222,11 +222,7 @@ mod tests {
 
     fn frame(number: u64, id: CanId, data: &[u8]) -> Frame {
         let milliseconds = i64::try_from(number).unwrap();
-        Frame {
-            number,
-            time: Some(Timestamp(milliseconds * 1_000_000)),
-            ..Frame::data_frame(id, data)
-        }
+        Frame { number, time: Some(Timestamp(milliseconds * 1_000_000)), ..Frame::data_frame(id, data) }
     }
 
     #[test]

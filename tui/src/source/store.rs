@@ -55,8 +55,7 @@ impl Store {
     /// Copies a source to a temporary file without a name, decompressed, while others read it.
     fn spooled(name: String, source: Box<dyn Read + Send>) -> anyhow::Result<Arc<Self>> {
         let file = tempfile::tempfile().context("no temporary file can be made")?;
-        let store =
-            Arc::new(Self { name, file, state: Mutex::new(State::default()), grew: Condvar::new() });
+        let store = Arc::new(Self { name, file, state: Mutex::new(State::default()), grew: Condvar::new() });
         let filled = Arc::clone(&store);
         std::thread::Builder::new()
             .name("spool".into())

@@ -24,8 +24,7 @@ pub(super) fn run(shared: &Shared, news: &Sender<News>) {
 
 fn go(shared: &Shared, walk: &mut Walk) {
     while !shared.is_over() {
-        let is_due =
-            shared.index.read().unwrap_or_else(PoisonError::into_inner).is_due(walk.world.frames());
+        let is_due = shared.index.read().unwrap_or_else(PoisonError::into_inner).is_due(walk.world.frames());
         if is_due && let Some(mark) = walk.mark() {
             shared.index.write().unwrap_or_else(PoisonError::into_inner).add(mark);
         }

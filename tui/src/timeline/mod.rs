@@ -143,9 +143,11 @@ impl Timeline {
     pub fn failure(&self) -> Option<String> {
         let failure = self.shared.failure.lock().unwrap_or_else(PoisonError::into_inner).clone();
         failure.or_else(|| {
-            let mut failures = self.shared.lanes.iter().filter_map(|lane| {
-                Some(format!("{}: {}", lane.store.name(), lane.store.failure()?))
-            });
+            let mut failures = self
+                .shared
+                .lanes
+                .iter()
+                .filter_map(|lane| Some(format!("{}: {}", lane.store.name(), lane.store.failure()?)));
             failures.next()
         })
     }

@@ -90,9 +90,7 @@ impl Row {
 fn columns<'a>(event: &Event, line: &'a Line) -> (&'a str, &'a str) {
     let what = line.what.as_str();
     match &event.kind {
-        EventKind::SdoTransfer(_) | EventKind::UdsExchange(_) => {
-            what.split_once(" = ").unwrap_or((what, ""))
-        }
+        EventKind::SdoTransfer(_) | EventKind::UdsExchange(_) => what.split_once(" = ").unwrap_or((what, "")),
         EventKind::Pdo(_) => match what.split_once(' ') {
             Some((name, rest)) => (name, rest.split_once(": ").map_or(rest, |(_, signals)| signals)),
             None => (what, ""),

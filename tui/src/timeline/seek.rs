@@ -277,7 +277,10 @@ impl Seeker {
             None => {
                 self.go_on(walk, order, matches, &mut found, is_stale)?;
                 let selected = found.before.len().saturating_sub(1);
-                (found.before.into_iter().chain(found.after.into_iter().take(order.after)).collect(), selected)
+                (
+                    found.before.into_iter().chain(found.after.into_iter().take(order.after)).collect(),
+                    selected,
+                )
             }
         };
         let (is_pending, is_missed) = (false, false);

@@ -4,7 +4,8 @@ use std::sync::mpsc::Sender;
 use std::sync::{Arc, PoisonError};
 
 use cobscope_decoder::event::{
-    DtcAction, EmcyAction, Event, EventKind, ExchangeOutcome, FindingNews, FrameRange, MessageOutcome, Outcome,
+    DtcAction, EmcyAction, Event, EventKind, ExchangeOutcome, FindingNews, FrameRange, MessageOutcome,
+    Outcome,
 };
 use cobscope_decoder::finding::Findings;
 use cobscope_decoder::frame::{BusIndex, Frame, Timestamp};

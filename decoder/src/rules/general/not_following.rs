@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use crate::event::{Effective, Event, EventKind, FrameRange, ModeChange, Pdo, SetPoint};
 use crate::finding::About;
-use crate::profile::{Carrier, Layout, Meaning, PdoDirection, integer};
+use crate::profile::{Carrier, Layout, Meaning, integer};
 use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::{BySlot, Context, Rule, Setup};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -78,8 +78,7 @@ pub(super) struct NotFollowing {
     valve: i64,
     pump: i64,
     pairs: Vec<Pair>,
-    /// By place in [`crate::rules::Traffic`].
-    paired: Vec<Paired>,
+    paired: BySlot<Paired>,
     /// Counts up with the pairs: a payload that stays as it is is looked at once more.
     generation: u64,
     /// Outputs whose mode closes no loop; without a channel the whole device.
@@ -92,7 +91,7 @@ pub(super) fn new(setup: &Setup) -> NotFollowing {
         valve: setup.nanoseconds(&DECLARATION, "valve-ms"),
         pump: setup.nanoseconds(&DECLARATION, "pump-ms"),
         pairs: Vec::new(),
-        paired: Vec::new(),
+        paired: BySlot::default(),
         generation: 0,
         open_loop: Vec::new(),
     }
@@ -161,11 +160,7 @@ impl NotFollowing {
         else {
             return;
         };
-        let place = slot.place;
-        if self.paired.len() <= place {
-            self.paired.resize_with(place + 1, Paired::default);
-        }
-        let Some(paired) = self.paired.get_mut(place) else { return };
+        let Some(paired) = self.paired.of(slot) else { return };
         if paired.layout.as_ref().is_none_or(|known| !Arc::ptr_eq(known, layout)) {
             paired.learn(layout);
         } else if event.routine && paired.generation == self.generation {
@@ -258,13 +253,7 @@ impl Rule for NotFollowing {
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match (&event.kind, event.node) {
-            (EventKind::Pdo(pdo), _)
-                if !self.pairs.is_empty()
-                    && pdo.name.direction == PdoDirection::Transmit
-                    && !pdo.is_request =>
-            {
-                self.pdo(event, pdo, context);
-            }
+            (EventKind::Pdo(pdo), _) if !self.pairs.is_empty() => self.pdo(event, pdo, context),
             (EventKind::SetPoint(point), Some(node)) => self.set_point(event, node, point, context),
             (EventKind::BootUp { .. }, Some(node)) => {
                 for pair in self.pairs.iter_mut().filter(|pair| pair.node == node) {

@@ -46,13 +46,7 @@ impl News {
 
     /// Whether a PDO that changed says something no other line says. What it is compared with is the
     /// last one that did.
-    fn is_news(
-        &mut self,
-        bus: BusIndex,
-        id: CanId,
-        layout: Option<&Layout>,
-        payload: &[u8],
-    ) -> bool {
+    fn is_news(&mut self, bus: BusIndex, id: CanId, layout: Option<&Layout>, payload: &[u8]) -> bool {
         let Some(layout) = layout else { return true };
         let role = |field: &Field| field.meaning.as_deref().and_then(|meaning| meaning.role);
         if !layout.fields.iter().any(|field| role(field).is_some()) {
