@@ -100,7 +100,7 @@ impl fmt::Display for Notice {
 #[derive(Debug, thiserror::Error)]
 pub enum CaptureError {
     /// The source failed.
-    #[error("reading failed: {0}")]
+    #[error("reading failed")]
     Io(#[from] std::io::Error),
     /// No format's reader knows these bytes.
     #[error("not a capture in a known format ({known}); it begins with {found}")]
