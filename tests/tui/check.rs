@@ -64,6 +64,13 @@ fn the_page() {
 }
 
 #[test]
+fn a_node_that_goes_on_without_its_heartbeat_is_not_called_silent() {
+    // Heartbeats of 1 s: {216} at 13.2 s, {267} at 16.2 s; TPDO2 {253} between.
+    let output = check(&["--node", "1=wandfluh-md2", "fixtures/devices/md2.log"]);
+    assert!(output.stdout.contains("no heartbeat since {216}, though it sent {253}, was operational"));
+}
+
+#[test]
 fn the_reason_of_a_cut_capture_is_said_once() {
     // A gzip member (RFC 1952) whose one stored block (RFC 1951 §3.2.4) promises 64 bytes and has a line of 40.
     let mut bytes = vec![0x1F, 0x8B, 8, 0, 0, 0, 0, 0, 0, 3, 0, 64, 0, !64, 0xFF];
