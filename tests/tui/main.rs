@@ -13,6 +13,7 @@ mod filter;
 mod objects;
 mod profiles;
 mod readme;
+mod screens;
 mod stats;
 #[path = "../support/mod.rs"]
 mod support;

@@ -1,5 +1,7 @@
 //! The command line. These texts are its help, its man page and its completions.
 
+mod view;
+
 use std::ffi::OsString;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -7,6 +9,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use cobscope_decoder::query::Filter;
 use cobscope_decoder::wire::NodeId;
+pub use view::{ThemeName, ViewArgs};
 
 use crate::select::Bound;
 
@@ -26,6 +29,10 @@ pub struct Cli {
 /// The subcommands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Look at captures: events, nodes, signals and findings in a terminal UI, at any moment
+    ///
+    /// Several captures are put on one line of time. ? lists the keys.
+    View(ViewArgs),
     /// Print what happened, one event a line
     Decode(DecodeArgs),
     /// Show who is on the bus, how often, how late, and how far the capture can be trusted
@@ -518,8 +525,12 @@ fn positive_seconds(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Puts `decode` before arguments that begin with a capture or an option of it.
-pub fn with_default_command(arguments: impl Iterator<Item = OsString>) -> Vec<OsString> {
+/// Puts `view` or `decode` before arguments that begin with a capture or an option of one: `view` where a terminal
+/// shows the output and it knows all options.
+pub fn with_default_command(
+    arguments: impl Iterator<Item = OsString>,
+    is_on_terminal: bool,
+) -> Vec<OsString> {
     let mut arguments: Vec<OsString> = arguments.collect();
     let is_command = |text: &str| {
         use clap::CommandFactory as _;
@@ -531,7 +542,11 @@ pub fn with_default_command(arguments: impl Iterator<Item = OsString>) -> Vec<Os
         None => !std::io::IsTerminal::is_terminal(&std::io::stdin()),
     };
     if needs_default {
-        arguments.insert(1, "decode".into());
+        arguments.insert(1, "view".into());
+        let is_view = is_on_terminal && Cli::try_parse_from(&arguments).is_ok();
+        if let (false, Some(command)) = (is_view, arguments.get_mut(1)) {
+            *command = "decode".into();
+        }
     }
     arguments
 }
@@ -550,7 +565,7 @@ mod tests {
     fn a_capture_alone_is_decoded() {
         let with = |arguments: &[&str]| {
             let all = std::iter::once("cobscope").chain(arguments.iter().copied()).map(OsString::from);
-            with_default_command(all)
+            with_default_command(all, false)
                 .into_iter()
                 .skip(1)
                 .map(|a| a.into_string().unwrap())
@@ -560,5 +575,16 @@ mod tests {
         assert_eq!(with(&["-f", "jsonl", "x.log"]), ["decode", "-f", "jsonl", "x.log"]);
         assert_eq!(with(&["man"]), ["man"]);
         assert_eq!(with(&["--help"]), ["--help"]);
+    }
+
+    #[test]
+    fn on_a_terminal_a_capture_is_viewed_unless_lines_are_asked_for() {
+        let command = |arguments: &[&str]| {
+            let all = std::iter::once("cobscope").chain(arguments.iter().copied()).map(OsString::from);
+            with_default_command(all, true).remove(1)
+        };
+        assert_eq!(command(&["x.log"]), "view");
+        assert_eq!(command(&["--pane", "events", "x.log"]), "view");
+        assert_eq!(command(&["-f", "jsonl", "x.log"]), "decode");
     }
 }

@@ -1,20 +1,42 @@
 //! `cobscope`: reads CAN traffic and says what the devices did, in lines, in a terminal UI and in CI.
 
+pub mod app;
 mod cli;
 mod cmd;
 mod exit_code;
+pub mod keymap;
+pub mod panes;
 mod select;
 mod source;
-mod theme;
-mod timeline;
-mod widgets;
+mod terminal;
+pub mod theme;
+pub mod timeline;
+pub mod widgets;
 
+use std::io::IsTerminal as _;
 use std::process::ExitCode;
+use std::sync::mpsc::Receiver;
 
 use clap::Parser as _;
 
+use app::App;
+use timeline::News;
+
 /// Runs the program as its command line says.
 pub fn run() -> ExitCode {
-    let cli = cli::Cli::parse_from(cli::with_default_command(std::env::args_os()));
+    let cli =
+        cli::Cli::parse_from(cli::with_default_command(std::env::args_os(), std::io::stdout().is_terminal()));
     cmd::run(cli).into()
+}
+
+/// The terminal UI as a command line has it (`view …`), without a terminal, and what its background finds.
+///
+/// # Errors
+/// A command line that is not that of `view`, or what the command itself would complain about.
+pub fn open_view(arguments: &[String]) -> anyhow::Result<(App, Receiver<News>)> {
+    let words = std::iter::once("cobscope").chain(arguments.iter().map(String::as_str));
+    let cli::Command::View(view) = cli::Cli::try_parse_from(words)?.command else {
+        anyhow::bail!("{} is not the command view", arguments.join(" "));
+    };
+    cmd::open_view(&view, arguments)
 }

@@ -136,6 +136,22 @@ impl Theme {
         Self { palette, depth, borders }
     }
 
+    /// What the terminal's background is.
+    pub fn palette(&self) -> Palette {
+        self.palette
+    }
+
+    /// How many colours are used.
+    pub fn depth(&self) -> Depth {
+        self.depth
+    }
+
+    /// The same characters in other colours.
+    #[must_use]
+    pub fn with(self, palette: Palette, depth: Depth) -> Self {
+        Self { palette, depth, ..self }
+    }
+
     /// The characters lines and plots are drawn with.
     pub fn borders(&self) -> Borders {
         self.borders
@@ -277,7 +293,7 @@ const fn block(
     }
 }
 
-/// The table of looks. Yellow on white cannot be read, so a light palette of sixteen colours warns in magenta.
+/// The table of looks. Yellow on white cannot be read, so a light palette of sixteen colours has magenta.
 const fn look(role: Role) -> Look {
     use Color::{Blue, Cyan, DarkGray, Green, LightBlue, LightCyan, LightGreen, LightMagenta, LightRed};
     use Color::{LightYellow, Magenta, Red, Yellow};

@@ -27,6 +27,7 @@ mod reader;
 mod testing;
 mod text;
 mod trc;
+mod writer;
 
 use std::fmt;
 
@@ -35,6 +36,7 @@ pub use candump::TimeStyle;
 pub use compression::{decompress, is_compressed};
 pub use merged::{Merged, MergedCapture, MergedPosition};
 pub use reader::{Position, Reader};
+pub use writer::{FrameWriter, WritableFormat};
 
 /// Input a parser may be asked to look at before it must take some: longer lines and records are
 /// skipped by it piece by piece.
@@ -198,6 +200,9 @@ pub struct Format {
 
 /// All formats, binary before text, strict before lenient: the first that recognises a capture reads it.
 pub const FORMATS: &[Format] = &[pcapng::FORMAT, pcap::FORMAT, trc::FORMAT, asc::FORMAT, candump::FORMAT];
+
+/// All formats that can be written.
+pub const WRITABLE: &[WritableFormat] = &[candump::WRITABLE, pcapng::WRITABLE];
 
 /// The format that recognises these first bytes.
 pub fn detect(head: &[u8]) -> Option<&'static Format> {

@@ -14,12 +14,14 @@ mod profiles;
 mod rules;
 mod shell;
 mod stats;
+mod view;
 mod want;
 mod why;
 
 use std::fs::File;
 use std::io::{BufWriter, IsTerminal as _, Write};
 use std::path::Path;
+use std::sync::mpsc::Receiver;
 
 use anyhow::Context as _;
 use cobscope_decoder::capture::{Batch, BusNames, Item};
@@ -28,14 +30,17 @@ use cobscope_decoder::frame::Frame;
 use cobscope_decoder::session::{Observer, SessionOptions};
 use cobscope_decoder::sink::escape;
 
+use crate::app::App;
 use crate::cli::{Cli, Color, Command, InputArgs};
 use crate::exit_code::Exit;
 use crate::source;
+use crate::timeline::News;
 use input::{captures, read_options, session_options};
 
 /// Runs what the command line says.
 pub fn run(cli: Cli) -> Exit {
     match cli.command {
+        Command::View(arguments) => view::run(&arguments),
         Command::Decode(arguments) => decode::run(&arguments),
         Command::Stats(arguments) => stats::run(&arguments),
         Command::Objects(arguments) => objects::run(&arguments),
@@ -47,6 +52,14 @@ pub fn run(cli: Cli) -> Exit {
         Command::Completions { shell } => shell::completions(shell),
         Command::Man => shell::man(),
     }
+}
+
+/// The terminal UI without a terminal.
+///
+/// # Errors
+/// What the command itself would complain about.
+pub fn open_view(view: &crate::cli::ViewArgs, words: &[String]) -> anyhow::Result<(App, Receiver<News>)> {
+    view::open(view, view::command(words.iter().cloned()))
 }
 
 /// Tells the user what went wrong.

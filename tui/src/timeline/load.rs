@@ -81,6 +81,23 @@ impl LoadOverTime {
         &self.steps
     }
 
+    /// Steps that together make up at least `width` nanoseconds up to a time, taken to that width.
+    pub fn over(&self, time: i64, width: i64) -> Step {
+        let count = (width / self.step).max(1);
+        let at = |back: i64| self.at(time.saturating_sub(back.saturating_mul(self.step))).unwrap_or_default();
+        let sum = (0..count).map(at).fold(Step::default(), |sum, step| Step {
+            frames: sum.frames + step.frames,
+            bits: sum.bits + step.bits,
+            errors: sum.errors + step.errors,
+        });
+        let share = |value: u64| {
+            let whole = count.saturating_mul(self.step).unsigned_abs().max(1);
+            u64::try_from(u128::from(value) * u128::from(width.unsigned_abs()) / u128::from(whole))
+                .unwrap_or(u64::MAX)
+        };
+        Step { frames: share(sum.frames), bits: share(sum.bits), errors: share(sum.errors) }
+    }
+
     /// The step in which a time lies.
     pub fn at(&self, time: i64) -> Option<Step> {
         let since = time.checked_sub(self.start?).filter(|since| *since >= 0)?;

@@ -74,6 +74,7 @@ pub struct Timeline {
     shared: Arc<Shared>,
     orders: Sender<Order>,
     news: Sender<News>,
+    first: Option<Timestamp>,
 }
 
 impl Timeline {
@@ -83,14 +84,19 @@ impl Timeline {
     /// When a capture cannot be opened or is in no known format, or when captures with and without dates
     /// are to be put on one line of time without `align`.
     pub fn open(captures: Captures, news: Sender<News>) -> anyhow::Result<Self> {
-        let lanes = lanes(&captures)?;
+        let (lanes, first) = lanes(&captures)?;
         let shared = Arc::new(Shared::new(lanes, captures.session, captures.read));
         let (orders, inbox) = channel();
         let rules = captures.rules;
         spawn("index", &shared, &news, |shared, news| index::run(shared, news))?;
         spawn("survey", &shared, &news, move |shared, news| survey::run(shared, &rules, news))?;
         spawn("seek", &shared, &news, move |shared, news| seek::run(shared, &inbox, news))?;
-        Ok(Self { shared, orders, news })
+        Ok(Self { shared, orders, news, first })
+    }
+
+    /// Time of the first frame of all.
+    pub fn first(&self) -> Option<Timestamp> {
+        self.first
     }
 
     /// Wants to know what is at a place.
@@ -186,7 +192,7 @@ fn spawn(
 }
 
 /// Opens each capture, and puts their clocks side by side.
-fn lanes(captures: &Captures) -> anyhow::Result<Vec<Lane>> {
+fn lanes(captures: &Captures) -> anyhow::Result<(Vec<Lane>, Option<Timestamp>)> {
     let mut lanes: Vec<Lane> = Vec::new();
     let mut firsts = Vec::new();
     for path in &captures.paths {
@@ -216,7 +222,8 @@ fn lanes(captures: &Captures) -> anyhow::Result<Vec<Lane>> {
              line of time; open them one by one, or let them begin together with --align"
         );
     }
-    Ok(lanes)
+    let first = if captures.align { times.iter().max() } else { times.iter().min() };
+    Ok((lanes, first.copied()))
 }
 
 /// A capture's name without digits: parts of one recording differ in them.

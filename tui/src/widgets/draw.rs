@@ -26,6 +26,17 @@ pub fn cells(count: usize) -> u16 {
     u16::try_from(count).unwrap_or(u16::MAX)
 }
 
+/// A share from 0 to 1 of a number of steps, rounded to the nearest; what is no number is none of them.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "clamped to 0 and `steps` just before"
+)]
+pub fn part(share: f64, steps: u32) -> u32 {
+    // `as` makes 0 of NaN.
+    (share.clamp(0.0, 1.0) * f64::from(steps)).round() as u32
+}
+
 /// How many columns a text takes.
 pub fn width(text: &str) -> u16 {
     cells(Span::raw(text).width())
@@ -58,8 +69,7 @@ pub fn line(buf: &mut Buffer, area: Rect, line: &Line<'_>, align: Align, theme: 
     put(buf, end, area.y, area.right().saturating_sub(end), ellipsis, line.style);
 }
 
-/// Draws a scrollbar into the last column of `area`, which shows as many rows as it has lines, from `start` on, of
-/// `count`.
+/// Draws a scrollbar into the last column of `area`, which shows a row a line, from `start` on, of `count`.
 pub fn scrollbar(buf: &mut Buffer, area: Rect, start: usize, count: usize, theme: &Theme) {
     let (top, length) = thumb(start, usize::from(area.height), count);
     for (line, y) in (area.top()..area.bottom()).enumerate() {
@@ -70,8 +80,8 @@ pub fn scrollbar(buf: &mut Buffer, area: Rect, start: usize, count: usize, theme
     }
 }
 
-/// First line and length of a scrollbar's thumb: at the top only where the first row is in view, at the bottom only
-/// where the last one is.
+/// First line and length of a scrollbar's thumb: at the top only where the first row is in view, at the
+/// bottom only where the last one is.
 fn thumb(start: usize, height: usize, count: usize) -> (usize, usize) {
     let length = (height * height / count.max(1)).clamp(1, height.max(1));
     let (lines, rows) = (height.saturating_sub(length), count.saturating_sub(height));

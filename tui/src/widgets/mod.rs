@@ -2,8 +2,10 @@
 //!
 //! All are drawn from `&`, hold no clock and stay inside the area they are given, whatever its size.
 
-pub(crate) mod bits;
-pub(crate) mod draw;
-pub(crate) mod prompt;
-pub(crate) mod table;
-pub(crate) mod text_lines;
+pub mod bars;
+pub mod bits;
+pub mod draw;
+pub mod plot;
+pub mod prompt;
+pub mod table;
+pub mod text_lines;

@@ -463,6 +463,9 @@ mod tests {
         assert_eq!(drawn(&prompt, 40)[1], "                  ^ more is wanted");
         typed(&mut prompt, "1");
         assert_eq!(drawn(&prompt, 40)[1], "");
+        prompt.set_error(0, "no");
+        prompt.clear_error();
+        assert_eq!(drawn(&prompt, 40)[1], "");
     }
 
     #[test]

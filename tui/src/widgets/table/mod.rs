@@ -475,6 +475,13 @@ mod tests {
         );
         assert_eq!(drawn(Borders::Ascii)[1], "- node-lost        1");
         assert_eq!(drawn(Borders::Ascii)[3], "+ guard-late       1");
+        let theme = plain(Borders::Unicode);
+        let mut buf = Buffer::empty(Rect::new(0, 0, 22, 3));
+        let table = Table::new(&theme, &columns).row_count(2).tree_column(1);
+        table
+            .rows(|index| Row::new(["node-lost", "1"]).group(0, Some(index == 0)))
+            .render(buf.area, &mut buf);
+        assert_eq!(shown(&buf)[1..], ["node-lost        ▾   1", "node-lost        ▸   1"]);
     }
 
     #[test]

@@ -1,0 +1,163 @@
+//! Screens of the terminal UI: each file of `screens/` is a session, command, keys and what is seen.
+//!
+//! ```text
+//! > cobscope view --node 32=danfoss-pve-ci fixtures/devices/pve.log
+//! > size 100x30
+//! > keys ]
+//!   …the screen after these keys…
+//! ▶ …a line that is selected…
+//! ```
+//!
+//! Without colours (`--color never`) what is selected is reversed, so it can be told.
+//! `COBSCOPE_BLESS=1` writes what is seen; read it before it is kept.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+use std::sync::mpsc::Receiver;
+
+use cobscope::app::App;
+use cobscope::timeline::News;
+use ratatui::Terminal;
+use ratatui::backend::TestBackend;
+use ratatui::style::Modifier;
+
+use crate::support::workspace;
+
+/// Columns a selection covers at least; the cursor of a prompt is less.
+const LEAST_SELECTED: usize = 10;
+
+/// The application on a screen of a size.
+struct Screen {
+    app: App,
+    news: Receiver<News>,
+    terminal: Terminal<TestBackend>,
+}
+
+impl Screen {
+    fn open(command: &str, width: u16, height: u16) -> Self {
+        let words = shell_words(command.strip_prefix("cobscope ").unwrap());
+        let words: Vec<String> = words.iter().map(|word| in_workspace(word)).collect();
+        let (mut app, news) = cobscope::open_view(&words).unwrap();
+        app.resize(width, height);
+        let terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
+        let mut screen = Self { app, news, terminal };
+        screen.settle();
+        screen
+    }
+
+    /// Waits until the background has nothing more to tell.
+    fn settle(&mut self) {
+        loop {
+            while let Ok(news) = self.news.try_recv() {
+                self.app.news(news);
+            }
+            if !self.app.is_busy() {
+                return;
+            }
+            self.app.news(self.news.recv().unwrap());
+        }
+    }
+
+    fn keys(&mut self, keys: &str) {
+        for key in cobscope::keymap::sequence(keys).unwrap() {
+            self.app.key(key);
+            self.settle();
+        }
+    }
+
+    fn text(&mut self) -> String {
+        self.terminal.draw(|frame| self.app.draw(frame.area(), frame.buffer_mut())).unwrap();
+        let buffer = self.terminal.backend().buffer();
+        let folder = format!("{}/", workspace().display());
+        let mut text = String::new();
+        for y in 0..buffer.area.height {
+            let cells: Vec<_> = (0..buffer.area.width).filter_map(|x| buffer.cell((x, y))).collect();
+            let line: String = cells.iter().map(|cell| cell.symbol()).collect();
+            let reversed = cells.iter().filter(|cell| cell.modifier.contains(Modifier::REVERSED)).count();
+            let mark = if y > 1 && reversed >= LEAST_SELECTED { "▶ " } else { "  " };
+            text += format!("{mark}{}", line.replace(&folder, "")).trim_end();
+            text.push('\n');
+        }
+        text
+    }
+}
+
+/// Paths of the fixtures, from wherever the test runs.
+fn in_workspace(word: &str) -> String {
+    let path = workspace().join(word);
+    if word.contains('/') && path.exists() { path.display().to_string() } else { word.to_owned() }
+}
+
+/// Words as a shell would have them, with single quotes.
+fn shell_words(text: &str) -> Vec<String> {
+    let mut words = vec![String::new()];
+    let mut is_quoted = false;
+    for letter in text.chars() {
+        match letter {
+            '\'' => is_quoted = !is_quoted,
+            ' ' if !is_quoted => words.push(String::new()),
+            _ => words.last_mut().unwrap().push(letter),
+        }
+    }
+    words
+}
+
+/// Plays a session; gives it with what is seen now.
+fn play(session: &str) -> String {
+    let (mut command, mut size) = (String::new(), (80, 24));
+    let mut screen: Option<Screen> = None;
+    let mut played = String::new();
+    for line in session.lines() {
+        if line.starts_with('#') && screen.is_none() {
+            writeln!(played, "{line}").unwrap();
+        }
+        let Some(order) = line.strip_prefix("> ") else { continue };
+        writeln!(played, "{line}").unwrap();
+        match order.split_once(' ').unwrap_or((order, "")) {
+            ("cobscope", _) => (command, screen) = (order.to_owned(), None),
+            ("size", wanted) => {
+                let (width, height) = wanted.split_once('x').unwrap();
+                size = (width.parse().unwrap(), height.parse().unwrap());
+                if let Some(screen) = &mut screen {
+                    screen.app.resize(size.0, size.1);
+                    screen.terminal = Terminal::new(TestBackend::new(size.0, size.1)).unwrap();
+                    screen.settle();
+                    played += &screen.text();
+                }
+            }
+            ("keys", keys) => {
+                let screen = screen.get_or_insert_with(|| Screen::open(&command, size.0, size.1));
+                screen.keys(keys);
+                played += &screen.text();
+            }
+            (other, _) => panic!("{other}: expected cobscope, size or keys"),
+        }
+    }
+    played
+}
+
+#[test]
+fn every_session_shows_what_stands_in_its_file() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/tui/screens");
+    let mut paths: Vec<_> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    let mut wrong = String::new();
+    for path in paths {
+        let expected = fs::read_to_string(&path).unwrap();
+        let seen = play(&expected);
+        if seen == expected {
+            continue;
+        }
+        if std::env::var_os("COBSCOPE_BLESS").is_some() {
+            fs::write(&path, seen).unwrap();
+            continue;
+        }
+        writeln!(wrong, "{}:", path.display()).unwrap();
+        let lines = expected.lines().zip(seen.lines()).enumerate();
+        for (number, (expected, seen)) in lines.filter(|(_, (expected, seen))| expected != seen).take(12) {
+            writeln!(wrong, "  line {}\n    expected {expected}\n    seen     {seen}", number + 1).unwrap();
+        }
+    }
+    assert!(wrong.is_empty(), "\n{wrong}");
+}

@@ -1,0 +1,262 @@
+//! What is shown, apart from the panes: captures, cursor in time, filter, theme.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use cobscope_decoder::frame::{BusIndex, CanId, Timestamp};
+use cobscope_decoder::profile::Layout;
+use cobscope_decoder::replay::{Spot, World};
+use cobscope_decoder::sink::escape;
+use cobscope_decoder::wire::NodeId;
+use regex_lite::Regex;
+
+use crate::theme::{Role, Theme};
+use crate::timeline::{Matcher, Order, Row, Search, Target, Timeline, Window};
+
+/// A node on a bus.
+pub type NodeKey = (BusIndex, NodeId);
+
+/// A signal: a field of what an identifier carries.
+#[derive(Debug, Clone)]
+pub struct SignalKey {
+    /// Bus.
+    pub bus: BusIndex,
+    /// Identifier.
+    pub id: CanId,
+    /// Field of its layout.
+    pub field: usize,
+    /// Its name, as shown.
+    pub name: String,
+    /// Its unit.
+    pub unit: String,
+    /// The layout it was chosen from.
+    pub layout: Arc<Layout>,
+}
+
+impl PartialEq for SignalKey {
+    fn eq(&self, other: &Self) -> bool {
+        (self.bus, self.id, self.field, &self.name) == (other.bus, other.id, other.field, &other.name)
+    }
+}
+
+/// A place in time to go to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Place {
+    /// The beginning.
+    Start,
+    /// The end.
+    End,
+    /// An event.
+    Spot(Spot),
+    /// Behind a frame.
+    Frame(u64),
+    /// A time of the captures' own clock.
+    Time(Timestamp),
+    /// Nanoseconds from the cursor.
+    Step(i64),
+}
+
+/// A look for something.
+#[derive(Debug, Clone)]
+pub struct Sought {
+    /// As typed.
+    pub text: String,
+    /// What rows must match.
+    pub pattern: Regex,
+}
+
+/// What all panes see, and none of them changes by itself.
+pub struct Core {
+    /// The captures.
+    pub timeline: Timeline,
+    /// How things look.
+    pub theme: Theme,
+    /// Where the cursor is to be.
+    pub cursor: Spot,
+    /// What is known there, or was at the last place that is known.
+    pub window: Option<Window>,
+    /// The filter as typed.
+    pub filter: String,
+    /// Which events are shown.
+    pub matcher: Matcher,
+    /// What is looked for.
+    pub sought: Option<Sought>,
+    /// Places with letters.
+    pub marks: BTreeMap<char, Spot>,
+    /// The node panes tell of.
+    pub node: Option<NodeKey>,
+    /// What is said below, and how.
+    pub said: Option<(Role, String)>,
+    /// Stays where it is while more comes.
+    pub is_paused: bool,
+    /// Rows a pane has room for.
+    pub height: u16,
+    serial: u64,
+    target: Target,
+    is_waiting: bool,
+}
+
+impl Core {
+    /// Looks at captures from their beginning.
+    pub fn new(timeline: Timeline, theme: Theme) -> Self {
+        Self {
+            timeline,
+            theme,
+            cursor: Spot::default(),
+            window: None,
+            filter: String::new(),
+            matcher: Matcher { only_news: true, ..Matcher::default() },
+            sought: None,
+            marks: BTreeMap::new(),
+            node: None,
+            said: None,
+            is_paused: true,
+            height: 24,
+            serial: 0,
+            target: Target::Spot(Spot::default()),
+            is_waiting: false,
+        }
+    }
+
+    /// Asks for what is at a place.
+    pub fn go(&mut self, place: Place) {
+        let target = match place {
+            Place::Start => Target::Spot(Spot::before(0)),
+            Place::End => Target::End,
+            Place::Spot(spot) => Target::Spot(spot),
+            Place::Frame(frame) => Target::Spot(Spot::behind(frame)),
+            Place::Time(time) => Target::Time(time),
+            Place::Step(step) => match self.time() {
+                Some(time) => Target::Time(time.plus(step)),
+                None => return self.refuse("this capture has no times; go to a frame as #1234"),
+            },
+        };
+        if let Target::Spot(spot) = target {
+            self.cursor = spot;
+        }
+        self.target = target;
+        self.ask(None);
+    }
+
+    /// Asks again for what is at the place, since something about it changed.
+    pub fn refresh(&mut self) {
+        self.ask(None);
+    }
+
+    /// Goes to the next row that has what is sought, or to the one before.
+    pub fn search(&mut self, is_backward: bool) {
+        let Some(sought) = &self.sought else { return self.refuse("nothing is searched for; type / first") };
+        let matcher = Matcher { text: Some(sought.pattern.clone()), ..Matcher::default() };
+        self.target = Target::Spot(self.row().map_or(self.cursor, |row| row.spot));
+        self.ask(Some(Search { matcher, is_backward }));
+    }
+
+    fn ask(&mut self, search: Option<Search>) {
+        self.serial += 1;
+        self.is_waiting = true;
+        let rows = usize::from(self.height).max(20);
+        self.timeline.order(Order {
+            serial: self.serial,
+            target: self.target,
+            before: rows * 2,
+            after: rows * 2,
+            matcher: self.matcher.clone(),
+            search,
+        });
+    }
+
+    /// Takes the answer to the last order; older ones are late.
+    pub fn answer(&mut self, window: Window) {
+        if window.serial != self.serial {
+            return;
+        }
+        self.is_waiting = false;
+        if window.is_missed {
+            let text = self.sought.as_ref().map_or("", |sought| &sought.text);
+            self.refuse(&format!("no further place has {text}"));
+        }
+        if !window.is_pending {
+            self.cursor = window.spot;
+            self.target = Target::Spot(window.spot);
+        }
+        self.window = Some(window);
+    }
+
+    /// Changes which events are shown.
+    pub fn show(&mut self, matcher: Matcher) {
+        self.matcher = matcher;
+        self.timeline.search(self.matcher.clone());
+        self.refresh();
+    }
+
+    /// Whether an answer is on its way.
+    pub fn is_waiting(&self) -> bool {
+        self.is_waiting
+    }
+
+    /// Whether the place wanted is not read yet.
+    pub fn is_pending(&self) -> bool {
+        self.window.as_ref().is_some_and(|window| window.is_pending)
+    }
+
+    /// What is known at the cursor.
+    pub fn world(&self) -> Option<&World> {
+        self.window.as_ref().map(|window| &*window.world)
+    }
+
+    /// The rows around the cursor.
+    pub fn rows(&self) -> &[Row] {
+        self.window.as_ref().map_or(&[], |window| &window.rows)
+    }
+
+    /// Which of them is the cursor's.
+    pub fn selected(&self) -> usize {
+        let behind = self.rows().partition_point(|row| row.spot <= self.cursor);
+        behind.saturating_sub(1)
+    }
+
+    /// The row of the cursor.
+    pub fn row(&self) -> Option<&Row> {
+        self.rows().get(self.selected())
+    }
+
+    /// Time at the cursor: that of its event, else of the last frame before it.
+    pub fn time(&self) -> Option<Timestamp> {
+        let is_event = self.cursor.ordinal != u32::MAX;
+        let event =
+            self.row().filter(|row| is_event && row.spot == self.cursor).and_then(|row| row.event.time);
+        event.or_else(|| self.world()?.time())
+    }
+
+    /// Time of the first frame.
+    pub fn zero(&self) -> Option<Timestamp> {
+        self.timeline.progress().times().map(|(zero, _)| zero)
+    }
+
+    /// A time as seconds from the first frame.
+    pub fn seconds(&self, time: Option<Timestamp>) -> Option<f64> {
+        #[expect(clippy::cast_precision_loss, reason = "shown with a few digits")]
+        Some(time?.since(self.zero()?) as f64 / 1e9)
+    }
+
+    /// What a finding says.
+    pub fn finding_text(&self, id: u64) -> String {
+        let survey = self.timeline.survey();
+        if let Some(group) = survey.findings.as_ref().and_then(|findings| findings.group(id)) {
+            return escape(&format!("{} {}: {}", group.severity.name(), group.rule, group.text)).into_owned();
+        }
+        let news = survey.news.iter().find(|opened| opened.news.id == id).map(|opened| &opened.news);
+        let text = news.map(|news| format!("{} {}: {}", news.severity.name(), news.rule, news.text));
+        escape(&text.unwrap_or_default()).into_owned()
+    }
+
+    /// Says something below.
+    pub fn say(&mut self, text: &str) {
+        self.said = Some((Role::Note, text.to_owned()));
+    }
+
+    /// Says that something is not possible.
+    pub fn refuse(&mut self, text: &str) {
+        self.said = Some((Role::Caution, text.to_owned()));
+    }
+}

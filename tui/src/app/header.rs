@@ -1,0 +1,110 @@
+//! The line at the top: buses, what is wrong with the capture, findings, time.
+
+use cobscope_decoder::profile::device::Severity;
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ratatui::style::Style;
+use ratatui::text::{Line, Span};
+
+use super::Core;
+use crate::theme::Role;
+use crate::widgets::draw;
+
+/// Nanoseconds over which load is a mean.
+const SECOND: i64 = 1_000_000_000;
+
+/// Draws it; what there is no room for is cut on the right, the time never.
+pub(super) fn draw(core: &Core, area: Rect, buf: &mut Buffer) {
+    let base = core.theme.style(Role::Header);
+    buf.set_style(area.intersection(buf.area), base);
+    let time = core.seconds(core.time()).map_or("no times".to_owned(), |time| format!("t {time:.3} s"));
+    let right = Line::styled(time, base);
+    let room = area.width.saturating_sub(draw::cells(right.width()) + 2);
+    let mut spans = Vec::new();
+    for (text, role) in parts(core) {
+        let style = if role == Role::Header { base } else { base.patch(front(core, role)) };
+        spans.push(Span::styled(text, style));
+        spans.push(Span::styled("  ", base));
+    }
+    draw::line(buf, Rect { width: room, ..area }, &Line::from(spans), draw::Align::Left, &core.theme);
+    draw::line(buf, area, &right, draw::Align::Right, &core.theme);
+}
+
+/// A role without its background: the header has its own.
+fn front(core: &Core, role: Role) -> Style {
+    Style { bg: None, ..core.theme.style(role) }
+}
+
+fn parts(core: &Core) -> Vec<(String, Role)> {
+    let mut parts = Vec::new();
+    if let Some(failure) = core.timeline.failure() {
+        parts.push((format!("NOT READ TO THE END: {failure}"), Role::Bad));
+    }
+    parts.extend(buses(core).into_iter().map(|text| (text, Role::Header)));
+    let survey = core.timeline.survey();
+    let quality = &survey.statistics.quality;
+    let counts = core.timeline.end().map_or_else(
+        || core.world().map(cobscope_decoder::replay::World::counts).unwrap_or_default(),
+        |end| end.counts(),
+    );
+    let wrong = |count: u64| if count > 0 { Role::Bad } else { Role::Header };
+    if let Some((errors, warnings)) = findings(&survey) {
+        let role = match (errors, warnings) {
+            (0, 0) => Role::Header,
+            (0, _) => Role::Caution,
+            _ => Role::Bad,
+        };
+        let so_far = if survey.is_complete { "" } else { " …" };
+        parts.push((format!("FINDINGS {errors} err {warnings} warn{so_far}"), role));
+    }
+    parts.push((format!("errframes {}", counts.errors), wrong(counts.errors)));
+    parts.push((format!("lost {}", counts.lost), wrong(counts.lost)));
+    if counts.unreadable > 0 {
+        parts.push((format!("bad lines {}", counts.unreadable), Role::Bad));
+    }
+    if let Some(granularity) = quality.granularity() {
+        parts.push((format!("stamps ±{}", step(granularity)), Role::Header));
+    }
+    parts
+}
+
+/// `can0 250k load 34 %`, or frames a second where the bit rate is not known.
+fn buses(core: &Core) -> Vec<String> {
+    let Some(world) = core.world() else { return vec!["reading …".into()] };
+    let survey = core.timeline.survey();
+    let time = core.time().map(|time| time.0);
+    let bus = |bus: &cobscope_decoder::session::Bus| {
+        let name = cobscope_decoder::sink::escape(bus.name()).into_owned();
+        let load = survey.load.get(usize::from(bus.index().0));
+        let step = load.zip(time).map(|(load, time)| load.over(time, SECOND));
+        match (bus.bit_rate(), step) {
+            (Some(rate), Some(step)) => {
+                let share = step.bits.saturating_mul(100) / u64::from(rate).max(1);
+                format!("{name} {}k load {share} %", rate / 1_000)
+            }
+            (Some(rate), None) => format!("{name} {}k", rate / 1_000),
+            (None, Some(step)) => format!("{name} {}/s", step.frames),
+            (None, None) => name,
+        }
+    };
+    world.buses().iter().map(bus).collect()
+}
+
+/// Errors and warnings found.
+fn findings(survey: &crate::timeline::Survey) -> Option<(usize, usize)> {
+    if let Some(findings) = &survey.findings {
+        return Some((findings.number(Severity::Error), findings.number(Severity::Warning)));
+    }
+    let of = |severity| survey.news.iter().filter(|opened| opened.news.severity == severity).count();
+    (survey.frames > 0).then(|| (of(Severity::Error), of(Severity::Warning)))
+}
+
+/// A step of stamps.
+fn step(nanoseconds: i64) -> String {
+    match nanoseconds {
+        ..1_000 => format!("{nanoseconds} ns"),
+        1_000..1_000_000 => format!("{} µs", nanoseconds / 1_000),
+        1_000_000..SECOND => format!("{} ms", nanoseconds / 1_000_000),
+        _ => format!("{} s", nanoseconds / SECOND),
+    }
+}

@@ -1,0 +1,112 @@
+//! The terminal UI, apart from any terminal: keys and news go in, a screen comes out.
+//!
+//! ```text
+//! key ─keymap─▶ Action ─update, pane─▶ Effect ─▶ Core (cursor, filter) ─order─▶ timeline ─News─▶ Core
+//!                                                   └────────────view, panes──────────▶ screen
+//! ```
+
+mod action;
+mod core;
+mod header;
+mod start;
+mod update;
+mod view;
+
+pub use action::{Action, Effect};
+pub use core::{Core, NodeKey, Place, SignalKey, Sought};
+pub use start::{Start, quoted};
+pub use update::Output;
+
+use cobscope_decoder::sink::text::Tone;
+use ratatui::layout::Rect;
+
+pub use crate::panes::PaneId;
+use crate::panes::Panes;
+use crate::theme::Role;
+use crate::timeline::News;
+use crate::widgets::prompt::Prompt;
+
+/// The application.
+pub struct App {
+    core: Core,
+    panes: Panes,
+    pane: PaneId,
+    /// Panes to go back to.
+    trail: Vec<PaneId>,
+    mode: Mode,
+    /// Texts typed earlier, by what was asked.
+    typed: Vec<(Asking, String)>,
+    outputs: Vec<Output>,
+    area: Rect,
+    /// Captures as the command line has them, to say how this view is had again.
+    command: String,
+    /// Line clicked last, to tell a second click on it.
+    clicked: Option<(u16, u16)>,
+}
+
+/// What keys mean at the moment.
+enum Mode {
+    /// Actions.
+    Panes,
+    /// A text is typed.
+    Asking(Asking, Prompt),
+    /// A letter is wanted: of a new mark, or of one to go to.
+    Letter { is_new: bool },
+    /// The help is shown from this line on.
+    Help(usize),
+}
+
+/// What a text is typed for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Asking {
+    Filter,
+    Search,
+    GoTo,
+}
+
+impl App {
+    /// Takes what the background has found.
+    pub fn news(&mut self, news: News) {
+        match news {
+            News::Window(window) => self.core.answer(*window),
+            News::Failed(text) => self.core.refuse(&text),
+            News::Filtered => self.core.refresh(),
+            News::Indexed if self.core.is_pending() => self.core.refresh(),
+            News::Indexed | News::Surveyed => {}
+        }
+        self.refresh_panes();
+    }
+
+    fn refresh_panes(&mut self) {
+        for pane in self.panes.all_mut() {
+            pane.refresh(&self.core);
+        }
+    }
+
+    /// What the terminal is to do, besides drawing.
+    pub fn outputs(&mut self) -> Vec<Output> {
+        std::mem::take(&mut self.outputs)
+    }
+
+    /// Whether more is on its way without anything being done.
+    pub fn is_busy(&self) -> bool {
+        let timeline = &self.core.timeline;
+        let is_searching = timeline.matches().is_some_and(|matches| !matches.is_complete());
+        self.core.is_waiting()
+            || self.core.is_pending()
+            || is_searching
+            || !timeline.progress().is_complete()
+            || !timeline.survey().is_complete
+    }
+}
+
+/// How the tone of a line looks.
+pub fn role_of(tone: Tone) -> Role {
+    match tone {
+        Tone::Plain => Role::Text,
+        Tone::Quiet => Role::Quiet,
+        Tone::Good => Role::Good,
+        Tone::Caution => Role::Caution,
+        Tone::Bad => Role::Bad,
+    }
+}

@@ -1,0 +1,101 @@
+//! How a view begins.
+
+use cobscope_decoder::query::Filter;
+use ratatui::layout::Rect;
+
+use super::{App, Core, Mode, PaneId, Place};
+use crate::panes::Panes;
+use crate::select::Bound;
+use crate::theme::Theme;
+use crate::timeline::{Matcher, Timeline};
+
+/// What the command line says of a view.
+#[derive(Debug, Clone)]
+pub struct Start {
+    /// The command with its captures, without what the view itself keeps.
+    pub command: String,
+    /// Pane shown first.
+    pub pane: PaneId,
+    /// Where the cursor is.
+    pub at: Option<Bound>,
+    /// Filter as typed, and what it means.
+    pub filter: Option<(String, Filter)>,
+    /// Repetitions too.
+    pub all: bool,
+}
+
+impl App {
+    /// Looks at captures.
+    pub fn new(timeline: Timeline, theme: Theme, start: Start) -> Self {
+        let mut core = Core::new(timeline, theme);
+        let (text, filter) =
+            start.filter.map_or((String::new(), None), |(text, filter)| (text, Some(filter)));
+        core.filter = text;
+        core.matcher = Matcher { filter, only_news: !start.all, text: None };
+        core.timeline.search(core.matcher.clone());
+        let mut app = Self {
+            core,
+            panes: Panes::default(),
+            pane: start.pane,
+            trail: Vec::new(),
+            mode: Mode::Panes,
+            typed: Vec::new(),
+            outputs: Vec::new(),
+            area: Rect::new(0, 0, 80, 24),
+            command: start.command,
+            clicked: None,
+        };
+        app.go_to(start.at);
+        app
+    }
+
+    fn go_to(&mut self, at: Option<Bound>) {
+        let place = match at {
+            None => Place::Start,
+            Some(Bound::Frame(frame)) => Place::Frame(frame),
+            Some(Bound::Moment(time)) => Place::Time(time),
+            Some(Bound::Offset(offset)) => match self.core.timeline.first() {
+                Some(zero) => Place::Time(zero.plus(offset)),
+                None => return self.core.refuse("this capture has no times; go to a frame as #1234"),
+            },
+        };
+        self.core.go(place);
+    }
+
+    /// The command that shows this view again.
+    pub(super) fn command(&self) -> String {
+        let mut command = format!("{} --pane {}", self.command, self.pane.name());
+        if self.core.cursor.frame > 0 {
+            command.push_str(&format!(" --at '#{}'", self.core.cursor.frame));
+        }
+        if !self.core.filter.is_empty() {
+            command.push_str(&format!(" --filter {}", quoted(&self.core.filter)));
+        }
+        if !self.core.matcher.only_news {
+            command.push_str(" --all");
+        }
+        command
+    }
+}
+
+/// A word for a shell.
+pub fn quoted(text: &str) -> String {
+    let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_./:@=+,%".contains(&byte);
+    if !text.is_empty() && text.bytes().all(is_plain) {
+        return text.to_owned();
+    }
+    format!("'{}'", text.replace('\'', "'\\''"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_are_quoted_for_a_shell() {
+        assert_eq!(quoted("a/b-c.log"), "a/b-c.log");
+        assert_eq!(quoted("kind == \"emcy\""), "'kind == \"emcy\"'");
+        assert_eq!(quoted("it's"), "'it'\\''s'");
+        assert_eq!(quoted(""), "''");
+    }
+}

@@ -1,0 +1,186 @@
+//! The screen.
+//!
+//! ```text
+//! can0 250k  load 34 %  errframes 0 …  FINDINGS 2 err 3 warn          t 412.306 s     header
+//! 1 Nodes  2 Events  3 Frames …                                                        panes
+//! ┌─────────────────────────────────────────────────────────────────────────────────┐
+//! │ the pane                                                                        │
+//! └─────────────────────────────────────────────────────────────────────────────────┘
+//! cobscope view a.log --pane events --at '#1842'                         #1842/9950    this view again
+//! enter open  f filter  ] finding  ? help  q quit                                      keys, or a question
+//! ```
+
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ratatui::text::{Line, Span};
+
+use super::{App, Mode, PaneId, header};
+use crate::keymap::{self, Group, KEYMAP};
+use crate::theme::Role;
+use crate::widgets::{draw, text_lines::TextLines};
+
+/// Areas of the screen.
+pub(super) struct Parts {
+    pub(super) header: Rect,
+    pub(super) tabs: Rect,
+    pub(super) body: Rect,
+    pub(super) status: Rect,
+    pub(super) footer: Rect,
+}
+
+/// Where what is drawn.
+pub(super) fn parts(area: Rect) -> Parts {
+    let line = |y: u16| Rect { y: area.y + y.min(area.height), height: u16::from(y < area.height), ..area };
+    let below = |from_end: u16| line(area.height.saturating_sub(from_end));
+    Parts {
+        header: line(0),
+        tabs: line(1),
+        body: Rect { y: area.y + 2.min(area.height), height: area.height.saturating_sub(4), ..area },
+        status: if area.height > 3 { below(2) } else { Rect::ZERO },
+        footer: if area.height > 2 { below(1) } else { Rect::ZERO },
+    }
+}
+
+/// Title of a pane with its number.
+fn tab(pane: PaneId) -> String {
+    format!(" {} {} ", pane as usize + 1, pane.title())
+}
+
+/// The pane whose title is at a column.
+pub(super) fn tab_at(x: u16) -> Option<PaneId> {
+    let mut end = 0;
+    PaneId::ALL.iter().copied().find(|pane| {
+        end += draw::width(&tab(*pane));
+        x < end
+    })
+}
+
+impl App {
+    /// Draws everything.
+    pub fn draw(&self, area: Rect, buf: &mut Buffer) {
+        let parts = parts(area);
+        header::draw(&self.core, parts.header, buf);
+        self.draw_tabs(parts.tabs, buf);
+        match &self.mode {
+            Mode::Help(scroll) => self.draw_help(*scroll, parts.body, buf),
+            _ => {
+                if let Some(pane) = self.panes.get(self.pane) {
+                    pane.render(&self.core, parts.body, buf);
+                }
+            }
+        }
+        self.draw_status(parts.status, buf);
+        self.draw_footer(&parts, buf);
+    }
+
+    fn draw_tabs(&self, area: Rect, buf: &mut Buffer) {
+        let mut x = area.x;
+        for pane in PaneId::ALL {
+            let is_shown = *pane == self.pane && !matches!(self.mode, Mode::Help(_));
+            let role = if is_shown { Role::Selected } else { Role::Title };
+            let room = area.right().saturating_sub(x);
+            x = draw::put(buf, x, area.y, room, &tab(*pane), self.core.theme.style(role));
+        }
+    }
+
+    fn draw_status(&self, area: Rect, buf: &mut Buffer) {
+        let core = &self.core;
+        let progress = core.timeline.progress();
+        let total = progress.frames();
+        let place = match core.cursor.frame {
+            frame if frame > total => total,
+            frame => frame,
+        };
+        let mut right = format!("#{place}/{total}");
+        if !progress.is_complete() {
+            let (length, is_all) = core.timeline.length();
+            let share = progress.bytes().saturating_mul(100) / length.max(1);
+            let share = if is_all { format!("{share} %") } else { "what comes".into() };
+            right = format!("indexing {share}  {right}");
+        }
+        if core.is_pending() {
+            right = format!("state pending  {right}");
+        }
+        if let Some(matches) = core.timeline.matches().filter(|_| core.matcher.filter.is_some()) {
+            let so_far = if matches.is_complete() { "" } else { " so far" };
+            right = format!("{} shown{so_far}  {right}", matches.count());
+        }
+        let room = area.width.saturating_sub(draw::width(&right) + 2);
+        let quiet = core.theme.style(Role::Quiet);
+        let left = match &core.said {
+            Some((role, text)) => Line::styled(text.clone(), core.theme.style(*role)),
+            None => Line::styled(self.command(), quiet),
+        };
+        draw::line(buf, Rect { width: room, ..area }, &left, draw::Align::Left, &core.theme);
+        draw::line(buf, area, &Line::styled(right, quiet), draw::Align::Right, &core.theme);
+    }
+
+    fn draw_footer(&self, parts: &Parts, buf: &mut Buffer) {
+        let theme = &self.core.theme;
+        match &self.mode {
+            Mode::Asking(_, prompt) => {
+                // What is wrong with it stands in the second line: both lie at the bottom.
+                let area = Rect { height: parts.status.height + parts.footer.height, ..parts.status };
+                for y in area.top()..area.bottom() {
+                    let blank = " ".repeat(usize::from(area.width));
+                    draw::put(buf, area.x, y, area.width, &blank, theme.style(Role::Text));
+                }
+                prompt.render(theme, area, buf);
+            }
+            Mode::Letter { is_new } => {
+                let text = if *is_new { "mark: a letter" } else { "to mark: its letter" };
+                draw::put(
+                    buf,
+                    parts.footer.x,
+                    parts.footer.y,
+                    parts.footer.width,
+                    text,
+                    theme.style(Role::Key),
+                );
+            }
+            Mode::Help(_) => self.draw_keys(&["j/k scroll", "any other key back"], parts.footer, buf),
+            Mode::Panes => {
+                let actions = self.panes.get(self.pane).map_or(&[][..], |pane| pane.actions());
+                let shown = actions.iter().filter_map(|action| keymap::binding(*action));
+                let keys: Vec<String> = shown
+                    .map(|binding| format!("{} {}", binding.keys.first().unwrap_or(&""), binding.short))
+                    .collect();
+                let keys: Vec<&str> =
+                    ["? help", "q quit"].into_iter().chain(keys.iter().map(String::as_str)).collect();
+                self.draw_keys(&keys, parts.footer, buf);
+            }
+        }
+    }
+
+    /// `f filter  ] finding`, the keys apart from what they do.
+    fn draw_keys(&self, keys: &[&str], area: Rect, buf: &mut Buffer) {
+        let theme = &self.core.theme;
+        let mut spans = Vec::new();
+        for key in keys {
+            let (name, does) = key.split_once(' ').unwrap_or((key, ""));
+            spans.push(Span::styled(name.to_owned(), theme.style(Role::Key)));
+            spans.push(Span::styled(format!(" {does}  "), theme.style(Role::Quiet)));
+        }
+        draw::line(buf, area, &Line::from(spans), draw::Align::Left, theme);
+    }
+
+    /// All keys, from the keymap.
+    fn draw_help(&self, scroll: usize, area: Rect, buf: &mut Buffer) {
+        let theme = &self.core.theme;
+        let mut lines: Vec<Line<'_>> = Vec::new();
+        for group in Group::ALL {
+            lines.push(Line::styled(group.title(), theme.style(Role::Title)));
+            for binding in KEYMAP.iter().filter(|binding| binding.group == group) {
+                let keys = format!("  {:<16}", binding.keys.join(" "));
+                lines.push(Line::from(vec![
+                    Span::styled(keys, theme.style(Role::Key)),
+                    Span::styled(binding.help, theme.style(Role::Text)),
+                ]));
+            }
+            lines.push(Line::default());
+        }
+        let text = TextLines::new(theme, &lines);
+        let scroll = scroll.min(text.last_scroll(area));
+        text.scroll(scroll).render(area, buf);
+    }
+}

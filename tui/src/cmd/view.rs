@@ -1,0 +1,135 @@
+//! `cobscope view`: the terminal UI over captures.
+
+use std::io::IsTerminal as _;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, channel};
+
+use anyhow::{Context as _, ensure};
+
+use super::complain;
+use super::input::{captures, read_options, session_options, setup};
+use crate::app::{App, Start, quoted};
+use crate::cli::{Color, ThemeName, ViewArgs};
+use crate::exit_code::Exit;
+use crate::terminal::{self, Message, Screen};
+use crate::theme::{Borders, Depth, Palette, Theme};
+use crate::timeline::{Captures, News, Timeline};
+
+/// Runs the command.
+pub fn run(arguments: &ViewArgs) -> Exit {
+    if !std::io::stdout().is_terminal() {
+        complain(&anyhow::anyhow!("standard output is no terminal; for lines use decode"));
+        return Exit::Usage;
+    }
+    let captures = match captures_of(arguments) {
+        Ok(captures) => captures,
+        Err(error) => {
+            complain(&error);
+            return Exit::Profile;
+        }
+    };
+    match show(arguments, captures) {
+        Ok(()) => Exit::Clean,
+        Err(error) => {
+            complain(&error);
+            Exit::Capture
+        }
+    }
+}
+
+fn captures_of(arguments: &ViewArgs) -> anyhow::Result<Captures> {
+    let today = jiff::Zoned::now().date().to_string();
+    let session = session_options(&arguments.input)?;
+    let rules = Arc::new(setup(&arguments.input, &session.catalogue, Some(today))?);
+    let paths = captures(&arguments.input);
+    Ok(Captures { paths, align: arguments.align, read: read_options(&arguments.input), session, rules })
+}
+
+/// The application as a command line wants it, without a terminal, and what its background finds.
+///
+/// # Errors
+/// As the command itself: broken files of the user, captures that cannot be opened.
+pub fn open(arguments: &ViewArgs, command: String) -> anyhow::Result<(App, Receiver<News>)> {
+    let (news, found) = channel();
+    let timeline = Timeline::open(captures_of(arguments)?, news)?;
+    Ok((App::new(timeline, theme(arguments), start(arguments, command)), found))
+}
+
+fn show(arguments: &ViewArgs, captures: Captures) -> anyhow::Result<()> {
+    let (messages, inbox) = channel();
+    let (news, found) = channel();
+    let timeline = Timeline::open(captures, news)?;
+    ensure_keys(arguments)?;
+    let forwarded = messages.clone();
+    std::thread::Builder::new()
+        .name("news".into())
+        .spawn(move || {
+            for news in found {
+                if forwarded.send(Message::News(news)).is_err() {
+                    return;
+                }
+            }
+        })
+        .context("no thread can be started")?;
+    let command = command(std::env::args().skip(1));
+    let mut app = App::new(timeline, theme(arguments), start(arguments, command));
+    let mut screen = Screen::take()?;
+    terminal::listen(messages)?;
+    terminal::run(&mut app, &mut screen, &inbox)
+}
+
+/// Keys come from the terminal, also where the capture comes from standard input.
+fn ensure_keys(arguments: &ViewArgs) -> anyhow::Result<()> {
+    let is_piped = captures(&arguments.input).iter().any(|path| path.as_os_str() == "-");
+    ensure!(
+        is_piped || std::io::stdin().is_terminal(),
+        "standard input is no terminal, so there are no keys"
+    );
+    Ok(())
+}
+
+fn theme(arguments: &ViewArgs) -> Theme {
+    let is_plain = match arguments.color {
+        Color::Always => false,
+        Color::Never => true,
+        Color::Auto => std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty()),
+    };
+    let has_many = std::env::var("COLORTERM").is_ok_and(|value| !value.is_empty())
+        || std::env::var("TERM").is_ok_and(|value| value.contains("256") || value.contains("direct"));
+    let depth = match (is_plain, has_many) {
+        (true, _) => Depth::None,
+        (_, true) => Depth::Full,
+        _ => Depth::Sixteen,
+    };
+    let palette = match arguments.theme {
+        ThemeName::Dark => Palette::Dark,
+        ThemeName::Light => Palette::Light,
+    };
+    Theme::new(palette, depth, if arguments.ascii { Borders::Ascii } else { Borders::Unicode })
+}
+
+fn start(arguments: &ViewArgs, command: String) -> Start {
+    Start {
+        command,
+        pane: arguments.pane,
+        at: arguments.at,
+        filter: arguments.filter.clone().map(|filter| (filter.to_string(), filter)),
+        all: arguments.all,
+    }
+}
+
+/// The command line without what the view says itself.
+pub fn command(given: impl Iterator<Item = String>) -> String {
+    let mut words = vec!["cobscope".to_owned(), "view".to_owned()];
+    let mut given = given.peekable();
+    given.next_if(|word| word == "view");
+    while let Some(word) = given.next() {
+        let own = ["--pane", "--at", "--filter"];
+        if own.contains(&word.as_str()) {
+            given.next();
+        } else if word != "--all" && !own.iter().any(|name| word.starts_with(&format!("{name}="))) {
+            words.push(quoted(&word));
+        }
+    }
+    words.join(" ")
+}

@@ -1,0 +1,271 @@
+//! Events: one line each, around the cursor, which is the selected line.
+//!
+//! ```text
+//!     No     Time       Δt  Bus   ID  Node        Kind   Object   What              Data
+//!    604    4.010    0.012  can0  220 32/20 boom  SETPT           0.0 → +37.5 %     0F 00 …
+//! ! 1842  371.204  367.194  can0  0A0 32/20 boom  EMCY   8305     spool position …  05 83 21 …
+//! ```
+
+use std::borrow::Cow;
+
+use cobscope_decoder::sink::text::Tone;
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ratatui::style::Style;
+
+use super::Pane;
+use crate::app::{Action, Core, Effect, PaneId, Place, role_of};
+use crate::theme::{Glyph, Role};
+use crate::timeline::Row as EventRow;
+use crate::widgets::draw;
+use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};
+
+/// The event table.
+#[derive(Debug, Default)]
+pub struct Events {
+    column: usize,
+    highlight: Option<String>,
+}
+
+/// Columns, in order; the number is that of [`cell`].
+fn columns() -> Vec<Column> {
+    vec![
+        Column::new("No", Width::Min(7)).right().priority(9),
+        Column::new("Time", Width::Min(9)).right(),
+        Column::new("Δt", Width::Fixed(9)).right().priority(3),
+        Column::new("Bus", Width::Fixed(5)).priority(1),
+        Column::new("ID", Width::Fixed(8)).priority(4),
+        Column::new("Node", Width::Fixed(14)).priority(10),
+        Column::new("Kind", Width::Fixed(6)).priority(11),
+        Column::new("Object", Width::Fixed(24)).priority(0),
+        Column::new("What", Width::Min(44)),
+        Column::new("Data", Width::Fixed(23)).priority(2),
+    ]
+}
+
+/// Width from which objects have a column of their own.
+const WIDE: u16 = 150;
+
+impl Events {
+    /// What is in view: rows around the cursor, and which of them is selected.
+    fn view(core: &Core, height: usize) -> (std::ops::Range<usize>, usize) {
+        let state = TableState { selected: core.selected(), ..TableState::default() };
+        // The selection stays in the middle of what is known, so that there is something on both sides.
+        let half = height / 2;
+        let first = state.selected.saturating_sub(half).min(core.rows().len().saturating_sub(height));
+        (first..(first + height).min(core.rows().len()), state.selected)
+    }
+
+    fn step(core: &Core, delta: isize) -> Vec<Effect> {
+        let rows = core.rows();
+        let at = core.selected().saturating_add_signed(delta).min(rows.len().saturating_sub(1));
+        match rows.get(at) {
+            Some(row) if at != core.selected() || core.cursor < row.spot => {
+                vec![Effect::Go(Place::Spot(row.spot))]
+            }
+            // Behind the last row there may be more that is not read yet.
+            _ => Vec::new(),
+        }
+    }
+}
+
+impl Pane for Events {
+    fn render(&self, core: &Core, area: Rect, buf: &mut Buffer) {
+        let inside = Rect { width: area.width.saturating_sub(1), ..area };
+        let height = Table::height(inside);
+        let (range, selected) = Self::view(core, height);
+        let state = TableState {
+            selected: selected - range.start.min(selected),
+            column: self.column,
+            ..TableState::default()
+        };
+        let shown = core.rows().get(range.clone()).unwrap_or_default();
+        let columns = columns();
+        let before = range.start.checked_sub(1).and_then(|index| core.rows().get(index));
+        let row = |index: usize| -> Row<'_> {
+            let previous = index.checked_sub(1).map_or(before, |index| shown.get(index));
+            shown.get(index).map_or_else(Row::default, |row| self.row(core, row, previous, area.width))
+        };
+        let empty = match (&core.window, core.matcher.takes_all()) {
+            (None, _) => "reading …",
+            (_, true) => "no event here",
+            _ => "no event here is shown; c clears the filter, v shows all events",
+        };
+        let table =
+            Table::new(&core.theme, &columns).row_count(shown.len()).rows(row).state(&state).empty(empty);
+        table.render(inside, buf);
+        if area.height > 1 {
+            scrollbar(core, area, shown, buf);
+        }
+    }
+
+    fn act(&mut self, action: Action, core: &Core) -> Vec<Effect> {
+        let page = isize::try_from(core.height.saturating_sub(2)).unwrap_or(1);
+        match action {
+            Action::Down => Self::step(core, 1),
+            Action::Up => Self::step(core, -1),
+            Action::PageDown => Self::step(core, page),
+            Action::PageUp => Self::step(core, -page),
+            Action::Top => vec![Effect::Go(Place::Start)],
+            Action::Bottom => vec![Effect::Go(Place::End)],
+            Action::Left => {
+                self.column = self.column.saturating_sub(1);
+                Vec::new()
+            }
+            Action::Right => {
+                self.column = (self.column + 1).min(columns().len() - 1);
+                Vec::new()
+            }
+            Action::Highlight => {
+                let wanted = core.row().map(|row| cell(core, row, None, self.column).into_owned());
+                self.highlight = if self.highlight == wanted { None } else { wanted };
+                Vec::new()
+            }
+            Action::Clear => {
+                self.highlight = None;
+                Vec::new()
+            }
+            Action::Open => core.row().map_or_else(Vec::new, |row| {
+                let node = row.event.node.map(|node| Effect::Node((row.event.bus, node)));
+                node.into_iter().chain([Effect::Show(PaneId::Events)]).collect()
+            }),
+            _ => Vec::new(),
+        }
+    }
+
+    fn click(&mut self, x: u16, y: u16, area: Rect, core: &Core) -> Vec<Effect> {
+        let inside = Rect { width: area.width.saturating_sub(1), ..area };
+        if x >= inside.right() {
+            return to_share(core, y, area);
+        }
+        let (range, _) = Self::view(core, Table::height(inside));
+        let columns = columns();
+        let table = Table::new(&core.theme, &columns).row_count(range.len());
+        if let Some(column) = table.column_at(inside, x) {
+            self.column = column;
+        }
+        let row = table.row_at(inside, y, &TableState::default());
+        let row = row.and_then(|row| core.rows().get(range.start + row));
+        row.map_or_else(Vec::new, |row| vec![Effect::Go(Place::Spot(row.spot))])
+    }
+
+    fn actions(&self) -> &'static [Action] {
+        &[
+            Action::Open,
+            Action::Filter,
+            Action::FilterCell,
+            Action::News,
+            Action::Search,
+            Action::NextFinding,
+            Action::NextError,
+            Action::GoTo,
+        ]
+    }
+
+    fn filter_of_cell(&self, core: &Core) -> Option<String> {
+        let event = &core.row()?.event;
+        Some(match self.column {
+            0 => format!("frames == {}", event.frames.last),
+            3 => format!("bus == {:?}", core.row()?.bus),
+            5 => match event.node? {
+                cobscope_decoder::wire::NodeId::Canopen(id) => format!("node == {id}"),
+                cobscope_decoder::wire::NodeId::J1939(address) => {
+                    format!("source_address == 0x{address:02X}")
+                }
+            },
+            _ => format!("kind == {:?}", event.kind.name()),
+        })
+    }
+
+    fn line(&self, core: &Core) -> Option<String> {
+        let row = core.row()?;
+        Some(format!("{} {}", time_of(core, row), row.text()))
+    }
+}
+
+impl Events {
+    fn row(&self, core: &Core, row: &EventRow, before: Option<&EventRow>, width: u16) -> Row<'static> {
+        let tone = core.theme.style(role_of(row.tone));
+        let cells = (0..columns().len()).map(|column| {
+            let text = cell(core, row, before, column);
+            let is_marked =
+                self.highlight.as_deref().is_some_and(|wanted| !wanted.is_empty() && wanted == text);
+            let style = match column {
+                _ if is_marked => core.theme.style(Role::Highlight(1)),
+                6..=8 => tone,
+                0 | 2 | 9 if row.tone != Tone::Bad => core.theme.style(Role::Quiet),
+                _ => Style::new(),
+            };
+            let text = match column {
+                7 if width < WIDE => String::new(),
+                8 if width < WIDE => row.what(),
+                _ => text.into_owned(),
+            };
+            Cell::new(text, style)
+        });
+        Row::new(cells)
+    }
+}
+
+/// What stands in a column.
+fn cell<'a>(core: &Core, row: &'a EventRow, before: Option<&EventRow>, column: usize) -> Cow<'a, str> {
+    match column {
+        0 => {
+            let number =
+                if row.event.frames.last == 0 { String::new() } else { row.event.frames.last.to_string() };
+            let survey = core.timeline.survey();
+            let at = survey.places.partition_point(|place| place.frame < row.spot.frame);
+            let is_found = survey.places.get(at).is_some_and(|place| place.frame == row.spot.frame);
+            let mark = if is_found { core.theme.glyph(Glyph::Warning) } else { "" };
+            format!("{mark}{number}").into()
+        }
+        1 => time_of(core, row).into(),
+        2 => match (row.event.time, before.and_then(|before| before.event.time)) {
+            (Some(time), Some(before)) => seconds(time.since(before)).into(),
+            _ => "".into(),
+        },
+        3 => row.bus.as_str().into(),
+        4 => row.id().map_or(Cow::Borrowed(""), |id| id.to_string().into()),
+        5 => row.who.as_str().into(),
+        6 => row.kind.into(),
+        7 => row.object.as_str().into(),
+        8 => row.value.as_str().into(),
+        _ => row.data().into(),
+    }
+}
+
+/// Seconds from the first frame, as `decode` prints them.
+fn time_of(core: &Core, row: &EventRow) -> String {
+    match (row.event.time, core.zero()) {
+        (Some(time), Some(zero)) => seconds(time.since(zero)),
+        _ => String::new(),
+    }
+}
+
+/// Nanoseconds as seconds with three digits behind the point, cut.
+fn seconds(nanoseconds: i64) -> String {
+    let sign = if nanoseconds < 0 { "-" } else { "" };
+    let milliseconds = nanoseconds.unsigned_abs() / 1_000_000;
+    format!("{sign}{}.{:03}", milliseconds / 1_000, milliseconds % 1_000)
+}
+
+/// Where the rows are in the whole capture, by frames.
+fn scrollbar(core: &Core, area: Rect, shown: &[EventRow], buf: &mut Buffer) {
+    let frames = core.timeline.progress().frames().max(1);
+    let first = shown.first().map_or(0, |row| row.spot.frame);
+    let height = u64::from(area.height.saturating_sub(1)).max(1);
+    // A row for each line of the bar and each frame: large captures are scaled down.
+    let scale = (frames / (1 << 20)).max(1);
+    let count = usize::try_from((frames / scale).max(height)).unwrap_or(usize::MAX);
+    let start = usize::try_from(first / scale).unwrap_or(0);
+    let bar = Rect { y: area.y + 1, height: area.height - 1, ..area };
+    draw::scrollbar(buf, bar, start, count, &core.theme);
+}
+
+/// A click on the scrollbar goes to that share of the capture.
+fn to_share(core: &Core, y: u16, area: Rect) -> Vec<Effect> {
+    let share = u64::from(y.saturating_sub(area.y + 1));
+    let frames = core.timeline.progress().frames();
+    let frame = frames.saturating_mul(share) / u64::from(area.height.saturating_sub(2)).max(1);
+    vec![Effect::Go(Place::Frame(frame.min(frames)))]
+}

@@ -1,0 +1,132 @@
+//! The real terminal: keys in, screen out. Nothing here decides anything.
+
+use std::io::{Write as _, stdout};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
+use std::time::Duration;
+
+use anyhow::Context as _;
+use ratatui::DefaultTerminal;
+use ratatui::crossterm::clipboard::CopyToClipboard;
+use ratatui::crossterm::event::{
+    self, DisableBracketedPaste, DisableMouseCapture, EnableBracketedPaste, EnableMouseCapture, Event,
+    KeyEventKind,
+};
+use ratatui::crossterm::execute;
+
+use crate::app::{App, Output};
+use crate::timeline::News;
+
+/// How often the screen shows what the background has done while it works.
+const REFRESH: Duration = Duration::from_millis(100);
+
+/// What wakes the application.
+pub enum Message {
+    /// The user did something.
+    Input(Event),
+    /// The background found something.
+    News(News),
+    /// The terminal is gone.
+    Gone,
+}
+
+/// A terminal that is given back as it was, whatever happens.
+pub struct Screen(DefaultTerminal);
+
+impl Screen {
+    /// Takes the terminal over.
+    ///
+    /// # Errors
+    /// When there is none.
+    pub fn take() -> anyhow::Result<Self> {
+        let hook = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |info| {
+            give_back();
+            hook(info);
+        }));
+        let terminal = ratatui::try_init().context("this is no terminal the UI can use")?;
+        let screen = Self(terminal);
+        execute!(stdout(), EnableMouseCapture, EnableBracketedPaste)
+            .context("the terminal cannot be written")?;
+        Ok(screen)
+    }
+}
+
+impl Drop for Screen {
+    fn drop(&mut self) {
+        give_back();
+    }
+}
+
+/// Ends what ratatui's own hook leaves on: mouse and paste reports.
+fn give_back() {
+    // A terminal that is gone needs nothing back.
+    let _ = execute!(stdout(), DisableMouseCapture, DisableBracketedPaste);
+    ratatui::restore();
+}
+
+/// Sends what the user does.
+///
+/// # Errors
+/// When no thread can be started.
+pub fn listen(messages: Sender<Message>) -> anyhow::Result<()> {
+    let listen = move || {
+        loop {
+            let message = event::read().map_or(Message::Gone, Message::Input);
+            let is_gone = matches!(message, Message::Gone);
+            if messages.send(message).is_err() || is_gone {
+                return;
+            }
+        }
+    };
+    std::thread::Builder::new().name("input".into()).spawn(listen).context("no thread can be started")?;
+    Ok(())
+}
+
+/// Runs until the user leaves.
+///
+/// # Errors
+/// When the terminal cannot be drawn on.
+pub fn run(app: &mut App, screen: &mut Screen, messages: &Receiver<Message>) -> anyhow::Result<()> {
+    let size = screen.0.size().context("the terminal has no size")?;
+    app.resize(size.width, size.height);
+    loop {
+        screen.0.draw(|frame| app.draw(frame.area(), frame.buffer_mut())).context("drawing failed")?;
+        let first = if app.is_busy() {
+            messages.recv_timeout(REFRESH)
+        } else {
+            messages.recv().map_err(|_| RecvTimeoutError::Disconnected)
+        };
+        let waiting = match first {
+            Ok(message) => Some(message),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => return Ok(()),
+        };
+        // Everything that came meanwhile is drawn once.
+        for message in waiting.into_iter().chain(messages.try_iter()) {
+            match message {
+                Message::Input(event) => input(app, event),
+                Message::News(news) => app.news(news),
+                Message::Gone => return Ok(()),
+            }
+        }
+        for output in app.outputs() {
+            match output {
+                Output::Quit => return Ok(()),
+                Output::Copy(text) => {
+                    execute!(stdout(), CopyToClipboard::to_clipboard_from(text)).context("copying failed")?;
+                    stdout().flush().context("copying failed")?;
+                }
+            }
+        }
+    }
+}
+
+fn input(app: &mut App, event: Event) {
+    match event {
+        Event::Key(key) if key.kind != KeyEventKind::Release => app.key(key),
+        Event::Mouse(mouse) => app.mouse(mouse),
+        Event::Resize(width, height) => app.resize(width, height),
+        Event::Paste(text) => app.paste(&text),
+        _ => {}
+    }
+}

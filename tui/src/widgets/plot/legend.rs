@@ -1,0 +1,143 @@
+//! What the series of a plot are, as a table below it.
+//!
+//! ```text
+//!               A 12.300 s  B 12.800 s  Δ 0.500 s    min    max
+//! ⠤⠤ pressure        124.2       130.1        5.9  124.0  131.0 bar
+//! ```
+
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ratatui::style::Style;
+use ratatui::text::Line;
+
+use super::canvas::mark;
+use super::scale::{decimals, number};
+use super::{Bucket, Plot, Window, trace};
+use crate::theme::{Borders, Glyph, Role};
+use crate::widgets::draw::{self, Align};
+
+/// A name is worth no less than this.
+const LEAST_NAME: u16 = 9;
+/// The line in front of a name, with the space behind it.
+const SAMPLE: u16 = 3;
+
+/// A column of values with its head.
+struct Values {
+    head: String,
+    cells: Vec<String>,
+}
+
+impl Values {
+    fn width(&self) -> u16 {
+        self.cells.iter().chain([&self.head]).map(|text| draw::width(text)).max().unwrap_or(0)
+    }
+}
+
+/// Draws the head and as many series as there are lines.
+pub fn render(plot: &Plot<'_>, area: Rect, buf: &mut Buffer) {
+    if area.is_empty() {
+        return;
+    }
+    let units: Vec<_> = (0..plot.series.len()).map(|index| unit(plot, index)).collect();
+    let units_width = units.iter().map(|unit| draw::width(unit)).max().unwrap_or(0);
+    let wanted = plot.series.iter().map(|series| draw::width(&series.name)).max().unwrap_or(0);
+    let mut columns = columns(plot);
+    let room_for_names = |columns: &[Values]| {
+        let used: u16 =
+            columns.iter().map(|column| column.width().saturating_add(2)).fold(0, u16::saturating_add);
+        area.width.saturating_sub(SAMPLE + 1).saturating_sub(units_width).saturating_sub(used)
+    };
+    // The last column says least.
+    while room_for_names(&columns) < LEAST_NAME.min(wanted) && columns.pop().is_some() {}
+    let names = wanted.min(room_for_names(&columns));
+    let quiet = plot.theme.style(Role::Quiet);
+    for (line, y) in (area.top()..area.bottom()).enumerate().take(plot.series.len() + 1) {
+        let index = line.checked_sub(1);
+        let mut x = area.x;
+        if let Some(series) = index.and_then(|index| plot.series.get(index)) {
+            let style = plot.theme.style(series.role);
+            draw::put(buf, x, y, area.width, &sample(plot, line - 1), style);
+            let place = Rect { x: x + SAMPLE, y, width: names, height: 1 };
+            draw::line(buf, place, &Line::styled(series.name.as_ref(), style), Align::Left, plot.theme);
+        }
+        x = x.saturating_add(SAMPLE).saturating_add(names);
+        for column in &columns {
+            let text = index.map_or(Some(&column.head), |index| column.cells.get(index));
+            let style = if index.is_none() { quiet } else { Style::new() };
+            let place = Rect { x: x.saturating_add(2), y, width: column.width(), height: 1 };
+            let text = Line::styled(text.map_or("", String::as_str), style);
+            draw::line(buf, place.intersection(area), &text, Align::Right, plot.theme);
+            x = place.right();
+        }
+        let unit = index.and_then(|index| units.get(index)).map_or("", String::as_str);
+        let room = area.right().saturating_sub(x.saturating_add(1));
+        draw::put(buf, x.saturating_add(1), y, room, unit, quiet);
+    }
+}
+
+/// A piece of the line of a series.
+fn sample(plot: &Plot<'_>, series: usize) -> String {
+    match plot.theme.borders() {
+        Borders::Unicode => "⠤⠤".to_owned(),
+        Borders::Ascii => std::iter::repeat_n(mark(series), 2).collect(),
+    }
+}
+
+fn unit(plot: &Plot<'_>, series: usize) -> String {
+    let unit = plot.series.get(series).map_or("", |series| series.unit.as_ref());
+    match (plot.axis(series), unit) {
+        (0 | 1, unit) => unit.to_owned(),
+        (_, "") => "(own scale)".to_owned(),
+        (_, unit) => format!("{unit} (own scale)"),
+    }
+}
+
+/// The columns that say something: those of cursors only where there are cursors.
+fn columns(plot: &Plot<'_>) -> Vec<Values> {
+    let (a, b) = plot.cursors;
+    let zero = plot.zero;
+    let delta = plot.theme.glyph(Glyph::Delta);
+    let time = |time: i64| plot.time_text(time.saturating_sub(zero));
+    let mut heads = Vec::new();
+    heads.extend(a.map(|a| format!("A {} s", time(a))));
+    heads.extend(b.map(|b| format!("B {} s", time(b))));
+    heads.extend(a.zip(b).map(|(a, b)| format!("{delta} {} s", plot.time_text(b.saturating_sub(a)))));
+    heads.extend(["min".to_owned(), "max".to_owned()]);
+    let mut columns: Vec<_> = heads.into_iter().map(|head| Values { head, cells: Vec::new() }).collect();
+    for series in plot.series {
+        let at = |time| value_at(series.points, time, &plot.window);
+        let extremes = plot.extremes(series.points);
+        let mut values = Vec::new();
+        values.extend(a.map(at));
+        values.extend(b.map(at));
+        values.extend(a.zip(b).map(|(a, b)| Some(at(b)? - at(a)?)));
+        values.extend([extremes.map(|(low, _)| low), extremes.map(|(_, high)| high)]);
+        let known: Vec<_> = values.iter().copied().flatten().collect();
+        let decimals = decimals(&known);
+        let none = if plot.theme.borders() == Borders::Unicode { "–" } else { "-" };
+        let text = |value: Option<f64>| {
+            value.filter(|value| !value.is_nan()).map_or(none.to_owned(), |value| number(value, decimals))
+        };
+        for (column, value) in columns.iter_mut().zip(values) {
+            column.cells.push(text(value));
+        }
+    }
+    columns
+}
+
+/// The value that holds at a time.
+fn value_at(points: &[Bucket], time: i64, window: &Window) -> Option<f64> {
+    let behind = points.partition_point(|bucket| bucket.t <= time);
+    let bucket = points.get(behind.checked_sub(1)?)?;
+    (time <= window.until && !window.is_gap(bucket.t, time)).then_some(bucket.last)
+}
+
+/// The lowest and the highest number of the buckets in a window itself.
+pub fn extremes(points: &[Bucket], window: &Window) -> Option<(f64, f64)> {
+    let inside = trace::in_window(points, window).iter().filter(|bucket| window.contains(bucket.t));
+    let bounds = inside.filter_map(Bucket::bounds).flat_map(|(low, high)| [low, high]);
+    bounds.filter(|value| value.is_finite()).fold(None, |found, value| match found {
+        None => Some((value, value)),
+        Some((low, high)) => Some((low.min(value), high.max(value))),
+    })
+}

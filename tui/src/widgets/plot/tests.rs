@@ -1,0 +1,190 @@
+//! Whole plots as they are seen.
+
+use super::*;
+use crate::widgets::draw::tests::{in_every_small_size, plain, shown};
+
+const MILLISECOND: i64 = 1_000_000;
+
+fn values(values: &[(i64, f64)]) -> Vec<Bucket> {
+    values
+        .iter()
+        .map(|(t, value)| Bucket { t: t * MILLISECOND, min: *value, max: *value, last: *value })
+        .collect()
+}
+
+fn series<'a>(name: &'a str, unit: &'a str, look: u8, points: &'a [Bucket]) -> Series<'a> {
+    Series { name: name.into(), unit: unit.into(), role: Role::Highlight(look), points }
+}
+
+fn drawn(plot: Plot<'_>, width: u16, height: u16) -> Vec<String> {
+    let mut buf = Buffer::empty(Rect::new(0, 0, width, height));
+    plot.render(buf.area, &mut buf);
+    shown(&buf)
+}
+
+fn ends(from: i64, to: i64) -> (i64, i64) {
+    (from * MILLISECOND, to * MILLISECOND - 1)
+}
+
+#[test]
+fn a_line_with_axes_cursor_and_legend() {
+    let pressure = values(&[(0, 124.0), (500, 130.0), (1000, 121.0), (1500, 121.5)]);
+    let series = [series("pressure", "bar", 0, &pressure)];
+    let (from, to) = ends(0, 2000);
+    let theme = plain(Borders::Unicode);
+    let plot = Plot::new(&theme, &series, from, to).cursors(Some(700 * MILLISECOND), None);
+    assert_eq!(
+        drawn(plot, 44, 12),
+        [
+            "bar               A",
+            "130┤          ⡏⠉⠉⠉⠉⠉⠉⠉⠉⠉⡇",
+            "   │          ⡇   ┆     ⡇",
+            "   │          ⡇   ┆     ⡇",
+            "125┤          ⡇   ┆     ⡇",
+            "   │⠉⠉⠉⠉⠉⠉⠉⠉⠉⠉⠁   ┆     ⡇",
+            "   │              ┆     ⡇         ⣀⣀⣀⣀⣀⣀⣀⣀⣀⣀",
+            "120┤              ┆     ⠉⠉⠉⠉⠉⠉⠉⠉⠉⠉⠁",
+            "   └┬─────────┬─────────┬─────────┬─────────",
+            "   0.0       0.5       1.0       1.5       s",
+            "             A 0.70 s  min  max",
+            "⠤⠤ pressure       130  121  130 bar",
+        ]
+    );
+}
+
+#[test]
+fn two_units_two_axes_and_a_third_has_its_own_scale() {
+    let pressure = values(&[(0, 124.0), (500, 130.0), (1000, 121.0), (1500, 121.5)]);
+    let set = values(&[(200, 0.0), (1200, 50.0)]);
+    let series = [
+        series("pressure", "bar", 0, &pressure),
+        series("set point", "%", 1, &set),
+        series("speed", "", 2, &set),
+    ];
+    let (from, to) = ends(0, 2000);
+    let theme = plain(Borders::Ascii);
+    let plot = Plot::new(&theme, &series, from, to);
+    assert_eq!(
+        drawn(plot.cursors(Some(700 * MILLISECOND), Some(1600 * MILLISECOND)), 70, 14),
+        [
+            "bar                       A                           B              %",
+            "130+               *...............|     x.........................+50",
+            "   |               |      :        |     |            :            |",
+            "   |               |      :        |     |            :            |",
+            "125+               |      :        |     |            :            |",
+            "   |*..............|      :        |     |            :            |",
+            "   |                      :        *.....|.........*...............|",
+            "120+      x..............................|            :            +0",
+            "   ++--------------+---------------+---------------+---------------",
+            "   0.0            0.5             1.0             1.5             s",
+            "              A 0.70 s  B 1.60 s  d 0.90 s    min    max",
+            "** pressure      130.0     121.5      -8.5  121.0  130.0 bar",
+            "oo set point         0        50        50      0     50 %",
+            "xx speed             0        50        50      0     50 (own scale)",
+        ]
+    );
+}
+
+#[test]
+fn times_count_from_the_zero_that_was_given() {
+    let set = values(&[(9_000, 10.0), (10_050, 20.0)]);
+    let series = [series("set point", "", 0, &set)];
+    let (from, to) = ends(10_000, 10_100);
+    let theme = plain(Borders::Ascii);
+    let plot = Plot::new(&theme, &series, from, to).zero(8_000 * MILLISECOND);
+    assert_eq!(
+        drawn(plot, 44, 6),
+        [
+            "",
+            "20+                    *....................",
+            "  |                    |",
+            "10+....................|",
+            "  ++-------------------+--------------------",
+            " 2.00                2.05                  s",
+        ]
+    );
+    // What was recorded ends within the window.
+    assert_eq!(drawn(plot.until(10_060 * MILLISECOND), 44, 6)[1], "20+                    *....");
+    // A value is not held for longer than this, so there is nothing on the left.
+    assert_eq!(
+        drawn(plot.gap(Some(200 * MILLISECOND)), 44, 6)[1..4],
+        ["25+", "20+                    *....................", "15+"]
+    );
+}
+
+#[test]
+fn where_there_is_little_room_axes_and_legend_give_way() {
+    let set = values(&[(0, 10.0), (1, 20.0)]);
+    let series = [series("set point", "%", 0, &set)];
+    let (from, to) = ends(0, 2);
+    let theme = plain(Borders::Ascii);
+    let plot = Plot::new(&theme, &series, from, to);
+    assert_eq!(drawn(plot, 8, 4), ["    *...", "    |", "    |", "*...|"]);
+    assert_eq!(drawn(plot, 10, 5), ["", "     *....", "*....|", "+---------", "0.000    s"]);
+}
+
+#[test]
+fn nothing_to_draw() {
+    let (theme, none) = (plain(Borders::Unicode), values(&[(5, f64::NAN), (6, f64::INFINITY)]));
+    let plot = Plot::new(&theme, &[], 0, 100).empty("no signal chosen");
+    assert_eq!(drawn(plot, 12, 2), ["no signal c…", ""]);
+    let series = [series("x", "", 0, &none), series("y", "", 0, &[])];
+    let plot = Plot::new(&theme, &series, 0, 10 * MILLISECOND).empty("no values here");
+    assert_eq!(drawn(plot, 20, 2), ["no values here", ""]);
+}
+
+#[test]
+fn clicks_find_times() {
+    let set = values(&[(0, 10.0), (1, 20.0)]);
+    let series = [series("set point", "%", 0, &set)];
+    let theme = plain(Borders::Unicode);
+    let plot = Plot::new(&theme, &series, 100, 299);
+    let area = Rect::new(5, 5, 23, 10);
+    // Three columns for "20" and the axis.
+    assert_eq!(plot.resolution(area), 40);
+    let times = [7, 8, 9, 27, 28].map(|x| plot.time_at(area, x));
+    assert_eq!(times, [None, Some(100), Some(110), Some(290), None]);
+    assert_eq!(Plot::new(&theme, &series, i64::MIN, i64::MAX).time_at(area, 8), Some(i64::MIN));
+    assert_eq!(Plot::new(&theme, &series, 5, 5).time_at(area, 27), Some(5));
+    assert_eq!(Plot::new(&theme, &series, 9, 5).time_at(area, 27), Some(9));
+}
+
+#[test]
+fn series_have_their_looks() {
+    let (low, high) = (values(&[(0, 0.0)]), values(&[(0, 10.0)]));
+    let series = [series("low", "", 0, &low), series("high", "", 1, &high)];
+    let theme = plain(Borders::Unicode);
+    let mut buf = Buffer::empty(Rect::new(0, 0, 20, 4));
+    Plot::new(&theme, &series, 0, 100).render(buf.area, &mut buf);
+    assert_eq!(shown(&buf), ["⠉".repeat(20), String::new(), String::new(), "⣀".repeat(20)]);
+    let looks = [3, 0].map(|y| buf[(4, y)].modifier);
+    assert_eq!(looks, [0, 1].map(|look| theme.style(Role::Highlight(look)).add_modifier));
+}
+
+#[test]
+fn every_small_size_and_strange_value() {
+    let strange: Vec<_> = [f64::MIN, f64::MAX, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 5e-324, 0.0]
+        .into_iter()
+        .enumerate()
+        .map(|(t, value)| Bucket { t: i64::try_from(t).unwrap(), min: -value, max: value, last: value })
+        .collect();
+    let series = [
+        series("日本語", "bar", 0, &strange),
+        series("b", "°C", 9, &strange[1..]),
+        series("c", "", 1, &strange[3..4]),
+    ];
+    for borders in [Borders::Unicode, Borders::Ascii] {
+        let theme = plain(borders);
+        for (from, to) in
+            [(0, 6), (i64::MIN, i64::MAX), (3, 3), (i64::MAX, i64::MIN), (i64::MAX - 1, i64::MAX)]
+        {
+            let plot = Plot::new(&theme, &series, from, to).cursors(Some(2), Some(i64::MAX)).zero(i64::MIN);
+            in_every_small_size(|area, buf| {
+                plot.render(area, buf);
+                let _ = (plot.time_at(area, 3), plot.resolution(area));
+            });
+            let mut buf = Buffer::empty(Rect::new(0, 0, 200, 60));
+            plot.render(buf.area, &mut buf);
+        }
+    }
+}
