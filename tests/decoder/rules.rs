@@ -82,7 +82,9 @@ pub fn parse(name: &str, text: &str) -> Annotated {
     for (profile, rule, key, value) in options.bus_file.device_tolerances() {
         catalogue.set_tolerance(profile, rule, key, value);
     }
-    given.into_iter().for_each(|given| option(given, &mut options, &mut catalogue));
+    for given in given {
+        option(given, &mut options, &mut catalogue);
+    }
     for (bus, node, profile) in options.bus_file.devices() {
         let device = catalogue.device(profile).unwrap();
         let bus = bus.map(Into::into);
