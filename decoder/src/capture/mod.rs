@@ -98,12 +98,19 @@ impl fmt::Display for Notice {
     }
 }
 
+/// What failed stands in the text, so it is no source: those who print sources too would say it twice.
+impl From<std::io::Error> for CaptureError {
+    fn from(error: std::io::Error) -> Self {
+        Self::Io(error)
+    }
+}
+
 /// Why a capture cannot be read at all, or no further.
 #[derive(Debug, thiserror::Error)]
 pub enum CaptureError {
     /// The source failed.
     #[error("reading failed: {0}")]
-    Io(#[from] std::io::Error),
+    Io(std::io::Error),
     /// No format's reader knows these bytes.
     #[error("not a capture in a known format ({known}); it begins with {found}")]
     Unrecognised {

@@ -161,7 +161,7 @@ impl Engine {
         for bus in buses {
             self.tell(bus, is_timed, out);
         }
-        let notes = notes(&self.quality);
+        let notes = self.quality.limits();
         self.ledger.into_findings(is_timed, notes)
     }
 
@@ -196,35 +196,6 @@ impl Engine {
             out.event(&event, bus);
         }
     }
-}
-
-/// What limits the verdicts.
-fn notes(quality: &Quality) -> Vec<String> {
-    let mut notes = Vec::new();
-    if quality.first.is_none() {
-        notes.push("the capture has no times: rules about times are not exercised".to_owned());
-    }
-    if let Some(interval) = quality.made_up_interval() {
-        let milliseconds = interval / 1_000_000;
-        notes.push(format!(
-            "the stamps are made up, one each {milliseconds} ms: rules about times are not exercised"
-        ));
-    }
-    if quality.lost > 0 {
-        notes.push(format!("the recorder lost {} frames", quality.lost));
-    }
-    if quality.unreadable > 0 {
-        notes.push(format!("{} lines or records could not be read", quality.unreadable));
-    }
-    let (steps, largest) = quality.clock_steps;
-    if steps > 0 {
-        let milliseconds = largest.saturating_neg() / 1_000_000;
-        notes.push(format!("stamps went back {steps} times, by {milliseconds} ms at most"));
-    }
-    if quality.error_frames > 0 {
-        notes.push(format!("{} error frames", quality.error_frames));
-    }
-    notes
 }
 
 impl BusJudge {

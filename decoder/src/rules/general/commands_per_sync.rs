@@ -2,10 +2,10 @@
 
 use crate::event::{Event, EventKind, FrameRange, Pdo};
 use crate::finding::{About, Severity};
+use crate::profile::PdoName;
 use crate::profile::device::PdoEffect;
-use crate::profile::{PdoDirection, PdoName};
 use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::{BySlot, Context, Rule, Setup};
 use crate::session::{Bus, Node};
 use crate::wire::NodeId;
 
@@ -50,7 +50,7 @@ struct Commands {
 pub(super) struct CommandsPerSync {
     note: f64,
     warning: f64,
-    commands: Vec<Commands>,
+    commands: BySlot<Commands>,
     /// Places of those that wait.
     waiting: Vec<usize>,
     last: Option<i64>,
@@ -62,7 +62,7 @@ pub(super) fn new(setup: &Setup) -> CommandsPerSync {
     CommandsPerSync {
         note: setup.tolerance(&DECLARATION, "note-count"),
         warning: setup.tolerance(&DECLARATION, "warning-count"),
-        commands: Vec::new(),
+        commands: BySlot::default(),
         waiting: Vec::new(),
         last: None,
         may_wait: true,
@@ -72,19 +72,17 @@ pub(super) fn new(setup: &Setup) -> CommandsPerSync {
 impl CommandsPerSync {
     #[inline]
     fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &Context<'_>) {
-        let Some(place) = context.traffic.current().map(|slot| slot.place) else { return };
-        match self.commands.get_mut(place) {
-            Some(commands) if commands.waits == Some(false) => {}
-            Some(commands) if commands.waits == Some(true) => commands.take(event.frames.last),
-            _ => self.look_up(event, pdo, place, context),
+        let Some(slot) = context.traffic.current() else { return };
+        let Some(commands) = self.commands.of(slot) else { return };
+        match commands.waits {
+            Some(false) => {}
+            Some(true) => commands.take(event.frames.last),
+            None => self.look_up(event, pdo, slot.place, context),
         }
     }
 
     #[cold]
     fn look_up(&mut self, event: &Event, pdo: &Pdo, place: usize, context: &Context<'_>) {
-        if self.commands.len() <= place {
-            self.commands.resize_with(place + 1, Commands::default);
-        }
         let (Some(commands), Some(id)) = (self.commands.get_mut(place), event.node) else { return };
         let device = context.node(event).map(Node::device);
         let spec = device.and_then(|device| device.pdos.iter().find(|spec| spec.pdo == pdo.name));
@@ -117,9 +115,7 @@ impl CommandsPerSync {
 
     fn forget(&mut self) {
         self.waiting.clear();
-        for commands in &mut self.commands {
-            *commands = Commands::default();
-        }
+        self.commands.clear();
     }
 }
 
@@ -151,9 +147,7 @@ impl Rule for CommandsPerSync {
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {
-            EventKind::Pdo(pdo) if pdo.name.direction == PdoDirection::Receive && !pdo.is_request => {
-                self.pdo(event, pdo, context);
-            }
+            EventKind::Pdo(pdo) => self.pdo(event, pdo, context),
             EventKind::Sync { .. } => self.sync(event, context),
             // Another device, other PDOs.
             EventKind::NodeIdentified(_) => {

@@ -6,7 +6,7 @@ use crate::event::{Direction, Event, EventKind, Outcome, Pdo, SdoTransfer};
 use crate::finding::About;
 use crate::profile::{Cut, Field, Layout, Meaning, SignalId, Value};
 use crate::rules::declaration::declare_rule;
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::{BySlot, Context, Rule, Setup};
 use crate::session::Node;
 
 declare_rule! {
@@ -48,8 +48,7 @@ struct Range {
 
 #[derive(Default)]
 pub(super) struct ValueOutOfRange {
-    /// By place in [`crate::rules::Traffic`].
-    checked: Vec<Checked>,
+    checked: BySlot<Checked>,
 }
 
 pub(super) fn new(_setup: &Setup) -> ValueOutOfRange {
@@ -59,11 +58,7 @@ pub(super) fn new(_setup: &Setup) -> ValueOutOfRange {
 impl ValueOutOfRange {
     fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &mut Context<'_>) {
         let (Some(layout), Some(slot)) = (&pdo.layout, context.traffic.current()) else { return };
-        let place = slot.place;
-        if self.checked.len() <= place {
-            self.checked.resize_with(place + 1, Checked::default);
-        }
-        let Some(checked) = self.checked.get_mut(place) else { return };
+        let Some(checked) = self.checked.of(slot) else { return };
         if checked.layout.as_ref().is_none_or(|known| !Arc::ptr_eq(known, layout)) {
             checked.learn(layout, context.node(event));
         }
@@ -168,7 +163,7 @@ impl Rule for ValueOutOfRange {
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {
-            EventKind::Pdo(pdo) if !event.routine && !pdo.is_request => self.pdo(event, pdo, context),
+            EventKind::Pdo(pdo) => self.pdo(event, pdo, context),
             EventKind::SdoTransfer(transfer) => written(event, transfer, context),
             _ => {}
         }
