@@ -38,7 +38,7 @@ impl Session {
         pty.resize(Size::new(rows, columns)).unwrap();
         let child = command.env("TERM", "xterm-256color").current_dir(workspace()).spawn(pts).unwrap();
         let seen: Shared = Arc::default();
-        seen.0.lock().unwrap().parser = Parser::new(rows, columns, 0);
+        seen.0.lock().unwrap().parser = Parser::new(size(rows), size(columns), 0);
         let pty = Arc::new(pty);
         let (source, sink) = (Arc::clone(&pty), Arc::clone(&seen));
         std::thread::spawn(move || {
@@ -117,7 +117,8 @@ fn another_size_is_used_at_once() {
     // The header's time stands at the right end.
     session.wait("header over the whole width", |seen| {
         let header = seen.parser.screen().contents_between(0, 100, 0, 120);
-        header.trim_end().ends_with(" s") && seen.parser.screen().contents_between(29, 0, 29, 20).contains("? help")
+        header.trim_end().ends_with(" s")
+            && seen.parser.screen().contents_between(29, 0, 29, 20).contains("? help")
     });
     session.send("q");
     assert!(session.wait_end().success());
