@@ -1,7 +1,9 @@
 //! The panes: each a file, and a line in the registry below. A pane keeps only what its user did in it; what it
 //! shows comes from [`Core`].
 
+mod common;
 mod events;
+mod findings;
 
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
@@ -69,6 +71,7 @@ macro_rules! panes {
 
 panes! {
     Events "events" "Events" events::Events::default();
+    Findings "findings" "Findings" findings::Findings::default();
 }
 
 /// All panes.

@@ -69,6 +69,8 @@ pub struct Opened {
     pub spot: Spot,
     /// When.
     pub time: Option<Timestamp>,
+    /// Bus it is about.
+    pub bus: BusIndex,
     /// Node it is about.
     pub node: Option<NodeId>,
     /// What was found.
@@ -192,8 +194,8 @@ impl Surveyor {
                 && kept.0 < MOST_NEWS
             {
                 kept.0 += 1;
-                let (node, finding) = (event.node, (**finding).clone());
-                news.push(Opened { spot: told.spot, time: event.time, node, news: finding });
+                let (bus, node, finding) = (event.bus, event.node, (**finding).clone());
+                news.push(Opened { spot: told.spot, time: event.time, bus, node, news: finding });
             }
         };
         self.engine.event(told.event, told.bus, &mut opened);
