@@ -4,6 +4,7 @@
 mod common;
 mod events;
 mod findings;
+mod transfers;
 
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
@@ -71,6 +72,7 @@ macro_rules! panes {
 
 panes! {
     Events "events" "Events" events::Events::default();
+    Transfers "transfers" "Transfers" transfers::Transfers::default();
     Findings "findings" "Findings" findings::Findings::default();
 }
 

@@ -103,8 +103,12 @@ pub struct Exchange {
     pub bus: BusIndex,
     /// Sender and receiver.
     pub who: Box<str>,
+    /// Node it is about.
+    pub node: Option<NodeId>,
     /// Kind in at most six letters.
     pub kind: &'static str,
+    /// The same as filters name it.
+    pub event_kind: &'static str,
     /// What it is about, and what came of it.
     pub what: Box<str>,
     /// Nanoseconds from its first frame to its last.
@@ -294,7 +298,9 @@ fn exchange(told: &Told<'_>) -> Option<Exchange> {
         frames: event.frames,
         bus: event.bus,
         who: escape(&line.who).into(),
+        node: event.node,
         kind: line.kind,
+        event_kind: event.kind.name(),
         what: escape(&line.what).into(),
         duration,
         size,
