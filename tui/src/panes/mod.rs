@@ -4,6 +4,7 @@
 mod common;
 mod events;
 mod findings;
+mod frames;
 mod transfers;
 
 use ratatui::buffer::Buffer;
@@ -72,6 +73,7 @@ macro_rules! panes {
 
 panes! {
     Events "events" "Events" events::Events::default();
+    Frames "frames" "Frames" frames::Frames::default();
     Transfers "transfers" "Transfers" transfers::Transfers::default();
     Findings "findings" "Findings" findings::Findings::default();
 }
