@@ -1,7 +1,11 @@
 //! The panes: each a file, and a line in the registry below. A pane keeps only what its user did in it; what it
 //! shows comes from [`Core`].
 
+mod common;
 mod events;
+mod findings;
+mod frames;
+mod transfers;
 
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
@@ -69,6 +73,9 @@ macro_rules! panes {
 
 panes! {
     Events "events" "Events" events::Events::default();
+    Frames "frames" "Frames" frames::Frames::default();
+    Transfers "transfers" "Transfers" transfers::Transfers::default();
+    Findings "findings" "Findings" findings::Findings::default();
 }
 
 /// All panes.
