@@ -127,7 +127,7 @@ impl Pane for Events {
             }
             Action::Open => core.row().map_or_else(Vec::new, |row| {
                 let node = row.event.node.map(|node| Effect::Node((row.event.bus, node)));
-                node.into_iter().chain([Effect::Show(PaneId::Events)]).collect()
+                node.into_iter().chain([Effect::Show(PaneId::Detail)]).collect()
             }),
             _ => Vec::new(),
         }

@@ -1,6 +1,7 @@
 //! The panes: each a file, and a line in the registry below. A pane keeps only what its user did in it; what it
 //! shows comes from [`Core`].
 
+mod detail;
 mod events;
 
 use ratatui::buffer::Buffer;
@@ -69,6 +70,7 @@ macro_rules! panes {
 
 panes! {
     Events "events" "Events" events::Events::default();
+    Detail "detail" "Detail" detail::Detail::default();
 }
 
 /// All panes.
