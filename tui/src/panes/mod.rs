@@ -3,6 +3,7 @@
 
 mod detail;
 mod events;
+mod objects;
 
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
@@ -26,6 +27,11 @@ pub trait Pane {
 
     /// Something another pane, or the application, offers to all.
     fn offer(&mut self, _effect: &Effect, _core: &Core) {}
+
+    /// Takes what is typed behind `/`, with each letter; `false`: it is for the events.
+    fn search(&mut self, _text: &str, _core: &Core) -> bool {
+        false
+    }
 
     /// What of it can be done with keys, for the line at the bottom.
     fn actions(&self) -> &'static [Action];
@@ -71,6 +77,7 @@ macro_rules! panes {
 panes! {
     Events "events" "Events" events::Events::default();
     Detail "detail" "Detail" detail::Detail::default();
+    Objects "objects" "Objects" objects::Objects::default();
 }
 
 /// All panes.

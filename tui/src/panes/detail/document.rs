@@ -14,7 +14,7 @@ use cobscope_decoder::sink::escape;
 use ratatui::text::{Line, Span};
 
 use super::payload::Payload;
-use super::{exchange, judged, keys};
+use super::{advice, exchange, judged, keys};
 use crate::app::{Core, Place};
 use crate::theme::{Role, Theme};
 use crate::timeline::Row;
@@ -131,6 +131,11 @@ pub(super) fn items(core: &Core, row: Option<&Row>, payload: &Payload) -> Vec<It
     let bus = core.world().and_then(|world| world.buses().iter().find(|bus| bus.index() == row.event.bus));
     let Some(bus) = bus else { return all };
     let node = row.event.node.and_then(|node| bus.node(node));
+    let advice = advice::items(node, &row.event);
+    if !advice.is_empty() {
+        all.push(Item::heading("By the manual"));
+        all.extend(advice);
+    }
     let exchange = exchange::items(core, node, &row.event);
     if !exchange.is_empty() {
         all.push(Item::heading("Exchange"));

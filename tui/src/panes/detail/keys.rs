@@ -54,7 +54,11 @@ impl Fields for Keys {
         {
             value_text = text(FieldValue::Bytes(bytes.get(..SHOWN_BYTES).unwrap_or(bytes))) + " …";
         }
-        self.all.push(Key { name, value: value_text, filter, frame });
+        let key = Key { name, value: value_text, filter, frame };
+        // Of one frame the first and the last one are the same.
+        if self.all.last() != Some(&key) {
+            self.all.push(key);
+        }
     }
 
     fn open(&mut self, key: &'static str) {

@@ -37,7 +37,7 @@ pub(super) fn notes(core: &Core, node: Option<&Node>, field: &Field, signal: &Si
 }
 
 /// How a value of an object came about.
-pub(super) fn of_value(
+pub(in crate::panes) fn of_value(
     core: &Core,
     node: Option<&Node>,
     meaning: &Meaning,

@@ -12,6 +12,7 @@
 //!
 //! From 110 columns on the bits stand at the left of the rest.
 
+mod advice;
 mod document;
 mod exchange;
 mod judged;
