@@ -196,7 +196,14 @@ impl<'a> Bits<'a> {
         for bit in 0..8_u16 {
             let field = field_at(self.fields, first + bit);
             let is_cursor = self.cursor == Some(first + bit);
-            let style = if is_cursor { self.theme.style(Role::Cursor) } else { self.style(field) };
+            let style = match (self.style(field), is_cursor) {
+                (style, false) => style,
+                // Within a field that is reversed the cursor is what is not.
+                (style, true) if style.add_modifier.contains(Modifier::REVERSED) => {
+                    style.remove_modifier(Modifier::REVERSED).add_modifier(Modifier::UNDERLINED)
+                }
+                _ => self.theme.style(Role::Cursor),
+            };
             put(buf, 7 - bit, 2, if byte >> bit & 1 == 1 { "1" } else { "0" }, style);
             if !self.fields.is_empty() {
                 let dot = || self.theme.glyph(Glyph::Dot).to_owned();

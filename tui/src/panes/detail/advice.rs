@@ -23,7 +23,9 @@ pub(super) fn items(node: Option<&Node>, event: &Event) -> Vec<Item> {
             emcy(device, code, &mut rows);
         }
         EventKind::Dtc(dtc) => {
-            let Some(known) = device.and_then(|device| device.dtc(dtc.spn, dtc.fmi)) else { return Vec::new() };
+            let Some(known) = device.and_then(|device| device.dtc(dtc.spn, dtc.fmi)) else {
+                return Vec::new();
+            };
             rows.push(("fault", known.text.clone()));
             rows.push(("severity", known.severity.clone()));
             rows.push(("the device's reaction", known.reaction.clone()));

@@ -129,7 +129,11 @@ pub(super) fn items(core: &Core, row: Option<&Row>, payload: &Payload) -> Vec<It
         return all;
     };
     let bus = core.world().and_then(|world| world.buses().iter().find(|bus| bus.index() == row.event.bus));
-    let Some(bus) = bus else { return all };
+    let Some(bus) = bus.filter(|_| row.spot <= core.cursor) else {
+        let text = "the cursor is before this event; Enter goes to it";
+        all.push(Item::new(text, Role::Link).leading(Leads::Place(Place::Spot(row.spot))));
+        return all;
+    };
     let node = row.event.node.and_then(|node| bus.node(node));
     let advice = advice::items(node, &row.event);
     if !advice.is_empty() {

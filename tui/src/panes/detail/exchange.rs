@@ -54,9 +54,9 @@ fn milliseconds(nanoseconds: i64) -> String {
 fn sdo(core: &Core, node: Option<&Node>, transfer: &SdoTransfer, items: &mut Vec<Item>) {
     let client = transfer.client.map_or("client".into(), |client| format!("client {client}"));
     let way = transfer.direction.map_or("direction not seen", record::direction);
-    let how = transfer.mode.map_or("kind not seen", record::mode);
+    let how = transfer.mode.map_or(String::new(), |mode| format!(", {}", record::mode(mode)));
     let head = format!(
-        "{way}, {how}, {client} on {}, server on {}: {}",
+        "{way}{how}, {client} on {}, server on {}: {}",
         transfer.request,
         transfer.response,
         transfer.outcome.name()
@@ -97,7 +97,7 @@ fn value(core: &Core, node: Option<&Node>, transfer: &SdoTransfer, items: &mut V
     let name = meaning.map_or(String::new(), |meaning| format!(" {}", meaning.name));
     if transfer.size > 0 {
         items.push(Item::new(&format!("{object}{name} = {}", shown(meaning, &transfer.data)), Role::Text));
-    } else {
+    } else if !name.is_empty() {
         items.push(Item::new(&format!("{object}{name}"), Role::Text));
     }
     if let Some(meaning) = meaning.filter(|_| transfer.size > 0) {

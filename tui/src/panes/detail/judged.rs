@@ -25,7 +25,7 @@ pub(super) fn items(core: &Core, row: Option<&Row>) -> Vec<Item> {
         None => vec![core.cursor.frame],
     };
     let survey = core.timeline.survey();
-    let mut items = Vec::new();
+    let (mut items, mut told) = (Vec::new(), Vec::new());
     match &survey.findings {
         Some(findings) => {
             let here = |occurrence: &Occurrence| {
@@ -34,6 +34,13 @@ pub(super) fn items(core: &Core, row: Option<&Row>) -> Vec<Item> {
             let is_here = |group: &&Group| group.first.iter().chain(&group.last).any(here);
             for group in findings.groups.iter().filter(is_here) {
                 of_group(core, findings, group, &mut items);
+                // Several findings of one rule need its words once.
+                if !told.contains(&group.key.rule) {
+                    told.push(group.key.rule);
+                    if let Some(rule) = findings.rules.get(usize::from(group.key.rule)) {
+                        explanation(rule, &mut items);
+                    }
+                }
             }
         }
         None => so_far(core, &survey, &frames, &mut items),
@@ -64,9 +71,6 @@ fn of_group(core: &Core, findings: &Findings, group: &Group, items: &mut Vec<Ite
     facts.extend(group.suppressed.as_ref().map(|why| format!("suppressed by the bus file: {why}")));
     items.extend(facts.iter().map(|fact| Item::quiet(&format!("  {fact}"))));
     chain(core, findings, group, items);
-    if let Some(rule) = findings.rules.get(usize::from(group.key.rule)) {
-        explanation(rule, items);
-    }
 }
 
 /// Causes, each with its own, and what this one causes.

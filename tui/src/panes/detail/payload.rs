@@ -267,7 +267,10 @@ impl Place<'_> {
             self.words(slot.read, bits, field.extract(bytes).unwrap_or(0))
         };
         let place = Field { order: slot.order, ..number(slot.bit, bits) };
-        let notes = meaning::place(&place);
+        let notes = match slot.read {
+            Read::Bytes => vec![format!("{} bytes from byte {} on", bits / 8, slot.bit / 8)],
+            _ => meaning::place(&place),
+        };
         let (bit, order) = (slot.bit, slot.order);
         Part { name, bit, bits, order, value, notes, signal: None, is_assumed: false }
     }
@@ -310,6 +313,13 @@ impl Place<'_> {
                 format!("{raw}{name}")
             }
             Read::UdsService => uds_service(byte),
+            Read::UdsCode => {
+                format!("{raw:02X}h {}", uds().code(byte).map_or("unknown code", |code| code.text.as_str()))
+            }
+            Read::UdsIdentifier => {
+                let name = uds().identifier(u16::try_from(raw).unwrap_or(0)).unwrap_or_default();
+                format!("{raw:0digits$X}h {name}").trim_end().to_owned()
+            }
             Read::FailureMode => format!("{raw} {}", failure_modes().text(small)),
         }
     }
@@ -342,14 +352,14 @@ impl Place<'_> {
             }
             if let Some(place) = shape.identifier {
                 let bits = if place.high.is_some() { 8 } else { 16 };
-                push("identifier", bits, BitOrder::BigEndian, Read::Hex);
+                push("identifier", bits, BitOrder::BigEndian, Read::UdsIdentifier);
             }
             push("data", 0, BitOrder::LittleEndian, Read::Bytes);
         }
         let length = u16::try_from(bytes.len() * 8).unwrap_or(u16::MAX);
         slots.retain(|(_, slot)| (slot.bit & !7).saturating_add(slot.bits.max(1)) <= length);
         let parts = slots.into_iter().map(|(name, slot)| self.slot(bytes, name, slot)).collect();
-        let title = if is_response { "response put together" } else { "message put together" };
+        let title = if is_response { "response" } else { "message" };
         Payload { title: title.into(), bytes: bytes.to_vec(), parts, source: services::UDS.source.into() }
     }
 

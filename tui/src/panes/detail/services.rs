@@ -37,6 +37,10 @@ pub(super) enum Read {
     Group,
     /// As a service of UDS, or its answer.
     UdsService,
+    /// As the code of a negative response.
+    UdsCode,
+    /// As a data or routine identifier.
+    UdsIdentifier,
     /// As the failure mode of a trouble code.
     FailureMode,
 }
@@ -450,7 +454,7 @@ pub(super) const UDS: Service = service(
             &[
                 slot("negative response", 0, 8, Read::Hex),
                 slot("service", 8, 8, Read::UdsService),
-                slot("response code (NRC)", 16, 8, Read::Hex),
+                slot("response code (NRC)", 16, 8, Read::UdsCode),
             ],
         ),
         shape("message", 0, 0, &[slot("service", 0, 8, Read::UdsService)]),
@@ -482,7 +486,7 @@ impl Service {
                 if !moved.iter().all(fits) {
                     break;
                 }
-                let named = moved.into_iter().map(|slot| (format!("{} {}", slot.name, number + 1), slot));
+                let named = moved.into_iter().map(|slot| (format!("{}. {}", number + 1, slot.name), slot));
                 all.extend(named);
             }
         }

@@ -11,6 +11,7 @@
 
 mod rows;
 
+use cobscope_decoder::wire::canopen::ObjectAddress;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
@@ -31,6 +32,8 @@ const ABOUT: u16 = 7;
 #[derive(Debug, Default)]
 pub struct Objects {
     state: TableState,
+    /// Object the cursor is on: it stays there when others come.
+    object: Option<ObjectAddress>,
     search: String,
     /// Node shown last, to begin anew with another one.
     node: Option<NodeKey>,
@@ -73,11 +76,27 @@ impl Objects {
 
     fn act_on(&mut self, core: &Core, change: impl FnOnce(&mut TableState, usize, usize)) {
         let Some(subject) = Subject::of(core) else { return };
-        let len = self.rows(&subject).len();
+        let rows = self.rows(&subject);
+        let len = rows.len();
+        self.state = self.state(&rows);
         let [_, table, _] = layout(Rect::new(0, 0, 80, core.height));
         let height = Table::height(table);
         change(&mut self.state, height, len);
         self.state.settle(height, len);
+        self.object = rows.get(self.state.selected).map(Known::address);
+    }
+
+    /// The state with the row its object has now.
+    fn state(&self, rows: &[Known<'_>]) -> TableState {
+        let place = rows.iter().position(|known| Some(known.address()) == self.object);
+        let mut state = TableState { selected: place.unwrap_or(self.state.selected), ..self.state.clone() };
+        state.clamp(rows.len());
+        state
+    }
+
+    /// The object the cursor is on.
+    fn selected<'a, 'b>(&self, rows: &'b [Known<'a>]) -> Option<&'b Known<'a>> {
+        rows.get(self.state(rows).selected)
     }
 
     fn next_node(core: &Core) -> Vec<Effect> {
@@ -97,7 +116,9 @@ impl Objects {
             false => format!("{count} with \"{}\"", self.search),
         };
         let time = core.seconds(core.time()).map_or(String::new(), |time| format!(" at {time:.3} s"));
-        let text = format!("{}: {found}{time}", subject.label());
+        let others = rows::nodes(core).len().saturating_sub(1);
+        let more = if others > 0 { format!("  (x: next of {} nodes)", others + 1) } else { String::new() };
+        let text = format!("{}: {found}{time}{more}", subject.label());
         Line::styled(cobscope_decoder::sink::escape(&text).into_owned(), core.theme.style(Role::Title))
     }
 }
@@ -122,6 +143,7 @@ impl Pane for Objects {
             })
         };
         let columns = columns();
+        let state = self.state(&rows);
         let empty = if self.search.is_empty() {
             "nothing is known of this node's objects here"
         } else {
@@ -130,11 +152,10 @@ impl Pane for Objects {
         Table::new(&core.theme, &columns)
             .row_count(rows.len())
             .rows(row)
-            .state(&self.state)
+            .state(&state)
             .empty(empty)
             .render(table, buf);
-        let selected = rows.get(self.state.selected.min(rows.len().saturating_sub(1)));
-        if let Some(known) = selected {
+        if let Some(known) = self.selected(&rows) {
             let lines: Vec<Line<'_>> = subject
                 .about(core, known)
                 .into_iter()
@@ -160,7 +181,7 @@ impl Pane for Objects {
             Action::Open => {
                 let Some(subject) = Subject::of(core) else { return Vec::new() };
                 let rows = self.rows(&subject);
-                let frame = rows.get(self.state.selected).and_then(Known::frame);
+                let frame = self.selected(&rows).and_then(Known::frame);
                 return vec![match frame {
                     Some(frame) => Effect::Go(Place::Frame(frame)),
                     None => Effect::Refuse("no frame told this value".into()),
@@ -178,15 +199,16 @@ impl Pane for Objects {
     fn click(&mut self, x: u16, y: u16, area: Rect, core: &Core) -> Vec<Effect> {
         let [_, place, _] = layout(area);
         let Some(subject) = Subject::of(core) else { return Vec::new() };
-        let columns = columns();
-        let table = Table::new(&core.theme, &columns).row_count(self.rows(&subject).len());
+        let (columns, rows) = (columns(), self.rows(&subject));
+        let table = Table::new(&core.theme, &columns).row_count(rows.len());
         if let Some(column) = table.column_at(place, x) {
             self.state.column = column;
         }
         if Table::is_title_at(place, y) {
             self.state.cycle_sort();
-        } else if let Some(row) = table.row_at(place, y, &self.state) {
+        } else if let Some(row) = table.row_at(place, y, &self.state(&rows)) {
             self.state.selected = row;
+            self.object = rows.get(row).map(Known::address);
         }
         Vec::new()
     }
@@ -195,6 +217,7 @@ impl Pane for Objects {
         let node = Subject::of(core).map(|subject| subject.key());
         if node.is_some() && node != self.node {
             self.node = node;
+            self.object = None;
             self.state =
                 TableState { sort: self.state.sort, column: self.state.column, ..TableState::default() };
         }
@@ -203,6 +226,7 @@ impl Pane for Objects {
     fn search(&mut self, text: &str, _core: &Core) -> bool {
         text.trim().clone_into(&mut self.search);
         self.state.home();
+        self.object = None;
         true
     }
 
@@ -221,14 +245,14 @@ impl Pane for Objects {
     fn filter_of_cell(&self, core: &Core) -> Option<String> {
         let subject = Subject::of(core)?;
         let rows = self.rows(&subject);
-        let known = rows.get(self.state.selected)?;
+        let known = self.selected(&rows)?;
         Some(format!("object == 0x{}", known.address()))
     }
 
     fn line(&self, core: &Core) -> Option<String> {
         let subject = Subject::of(core)?;
         let rows = self.rows(&subject);
-        let known = rows.get(self.state.selected)?;
+        let known = self.selected(&rows)?;
         let cells = (0..columns().len()).map(|column| subject.cell(core, known, column));
         Some(cells.filter(|cell| !cell.is_empty()).collect::<Vec<_>>().join("  "))
     }

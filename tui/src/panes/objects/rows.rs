@@ -152,7 +152,8 @@ impl<'a> Subject<'a> {
         if let Some(entry) = known.entry {
             let data = entry.value.iter().take(LONGEST).map(|byte| format!("{byte:02X}"));
             let more = if entry.size > LONGEST as u64 { " …" } else { "" };
-            lines.push(format!("{} bytes: {}{more}", entry.size, data.collect::<Vec<_>>().join(" ")));
+            let bytes = if entry.size == 1 { "1 byte".into() } else { format!("{} bytes", entry.size) };
+            lines.push(format!("{bytes}: {}{more}", data.collect::<Vec<_>>().join(" ")));
         }
         let waits = self.waits(known);
         if !waits.is_empty() {
