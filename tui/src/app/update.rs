@@ -237,6 +237,14 @@ impl App {
     fn typed(&mut self, asking: Asking, event: PromptEvent) {
         let Mode::Asking(_, prompt) = &mut self.mode else { return };
         let text = prompt.text().to_owned();
+        let is_text = matches!(event, PromptEvent::Changed | PromptEvent::Submitted);
+        if asking == Asking::Search && is_text && self.search_pane(&text) {
+            if event == PromptEvent::Submitted {
+                self.mode = Mode::Panes;
+            }
+            return;
+        }
+        let Mode::Asking(_, prompt) = &mut self.mode else { return };
         match event {
             PromptEvent::Ignored => {}
             PromptEvent::Cancelled => {
@@ -262,6 +270,11 @@ impl App {
                 }
             },
         }
+    }
+
+    /// Lets the pane look for a text, if it does so itself.
+    fn search_pane(&mut self, text: &str) -> bool {
+        self.panes.get_mut(self.pane).is_some_and(|pane| pane.search(text, &self.core))
     }
 
     fn submit(&mut self, asking: Asking, text: &str) {

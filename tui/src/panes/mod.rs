@@ -2,9 +2,11 @@
 //! shows comes from [`Core`].
 
 mod common;
+mod detail;
 mod events;
 mod findings;
 mod frames;
+mod objects;
 mod transfers;
 
 use ratatui::buffer::Buffer;
@@ -29,6 +31,11 @@ pub trait Pane {
 
     /// Something another pane, or the application, offers to all.
     fn offer(&mut self, _effect: &Effect, _core: &Core) {}
+
+    /// Takes what is typed behind `/`, with each letter; `false`: it is for the events.
+    fn search(&mut self, _text: &str, _core: &Core) -> bool {
+        false
+    }
 
     /// What of it can be done with keys, for the line at the bottom.
     fn actions(&self) -> &'static [Action];
@@ -74,7 +81,9 @@ macro_rules! panes {
 panes! {
     Events "events" "Events" events::Events::default();
     Frames "frames" "Frames" frames::Frames::default();
+    Detail "detail" "Detail" detail::Detail::default();
     Transfers "transfers" "Transfers" transfers::Transfers::default();
+    Objects "objects" "Objects" objects::Objects::default();
     Findings "findings" "Findings" findings::Findings::default();
 }
 
