@@ -2,6 +2,7 @@
 //! shows comes from [`Core`].
 
 mod events;
+mod nodes;
 
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
@@ -68,6 +69,7 @@ macro_rules! panes {
 }
 
 panes! {
+    Nodes "nodes" "Nodes" nodes::Nodes::default();
     Events "events" "Events" events::Events::default();
 }
 
