@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::set_point::SetPointState;
 use crate::event::{Effective, Quantity};
 use crate::profile::{Carrier, Meaning};
 use crate::session::Bus;
@@ -61,7 +62,7 @@ pub struct Sign {
 impl Node {
     /// Set points told since the last start.
     pub fn set_points(&self) -> impl Iterator<Item = StandingPoint<'_>> {
-        self.behaviour.set_points.iter().filter_map(|point| point.standing())
+        self.behaviour.set_points.iter().filter_map(SetPointState::standing)
     }
 
     /// Frame of its last start, and its monotonic time.

@@ -4,6 +4,7 @@ use cobscope_decoder::frame::{CanId, Timestamp};
 use cobscope_decoder::profile::PdoDirection;
 use cobscope_decoder::replay::World;
 use cobscope_decoder::session::Bus;
+use cobscope_decoder::sink::escape;
 use cobscope_decoder::statistics::IdentifierRow;
 
 use super::line::{Key, Line, Shown, period, seconds};
@@ -29,6 +30,7 @@ pub fn master(world: &World, bus: &Bus) -> Option<Line> {
     }
     let mut line = Line::new(Key::Master(bus.index()));
     line.id = "– –".into();
+    line.name = bus.master_name().map_or_else(String::new, |name| escape(name).into_owned());
     line.device = "master".into();
     line.values = match sync {
         Some(row) => Values::remark(rhythm(row)),
