@@ -124,7 +124,7 @@ fn gate_lines(core: &Core, gate: &GateState) -> Vec<Text<'static>> {
     for remark in [&gate.text, &gate.check].into_iter().filter(|remark| !remark.is_empty()) {
         lines.push(Text::styled(format!("          {}", text(remark)), theme.style(Role::Text)));
     }
-    if gate.status == GateStatus::Invisible {
+    if gate.status == GateStatus::Invisible && gate.text.is_empty() {
         lines.push(Text::styled("          never on the bus", theme.style(Role::Quiet)));
     }
     lines

@@ -136,11 +136,11 @@ pub fn limit(nanoseconds: i64) -> String {
     text.strip_suffix('0').map_or(text.clone(), str::to_owned)
 }
 
-/// How long ago: `0.4s`, `41s`, `3m`, `2h`.
+/// How long ago: `<1s`, `41s`, `3m`, `2h`.
 pub fn age(nanoseconds: i64) -> String {
     match nanoseconds.max(0) / 1_000_000_000 {
-        0..10 => format!("{}s", seconds(nanoseconds)),
-        whole @ 10..120 => format!("{whole}s"),
+        0 => "<1s".to_owned(),
+        whole @ 1..120 => format!("{whole}s"),
         whole @ 120..7_200 => format!("{}m", whole / 60),
         whole => format!("{}h", whole / 3_600),
     }
@@ -161,7 +161,7 @@ mod tests {
 
     #[test]
     fn times_are_as_short_as_they_can_be() {
-        assert_eq!([age(449_000_000), age(41_900_000_000), age(200_000_000_000)], ["0.4s", "41s", "3m"]);
+        assert_eq!([age(449_000_000), age(41_900_000_000), age(200_000_000_000)], ["<1s", "41s", "3m"]);
         assert_eq!([limit(1_000_000_000), limit(250_000_000), limit(500_000_000)], ["1.0", "0.25", "0.5"]);
         assert_eq!([period(9_950_000), period(1_000_000_000)], ["10.0 ms", "1.0 s"]);
     }

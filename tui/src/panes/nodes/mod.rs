@@ -43,6 +43,8 @@ const EFFECT: usize = 6;
 const VALUES: usize = 5;
 /// Lines below the table at least, and how high the pane must be to have them.
 const DETAIL: (u16, u16) = (6, 14);
+/// Columns of the screen set points need before others go.
+const LEAST_VALUES: u16 = 19;
 /// Width from which columns are wider.
 const WIDE: u16 = 124;
 /// Width below which they are narrower.
@@ -83,7 +85,7 @@ impl Order {
 }
 
 /// The table of nodes.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Nodes {
     order: Order,
     /// The selected row by what it is of, and its place, where that is gone.
@@ -92,6 +94,13 @@ pub struct Nodes {
     column: usize,
     /// First line of the gates that is shown, while they are.
     gates: Option<usize>,
+}
+
+/// Enter shows the gates at once: why a node does not do what it should is asked first.
+impl Default for Nodes {
+    fn default() -> Self {
+        Self { order: Order::default(), key: None, place: 0, column: EFFECT, gates: None }
+    }
 }
 
 fn columns(width: u16) -> Vec<Column> {
@@ -108,7 +117,7 @@ fn columns(width: u16) -> Vec<Column> {
         Column::new("Device", wide(7, 7, 10)).priority(1),
         Column::new("NMT", Width::Fixed(6)).priority(6),
         Column::new("State", wide(12, 16, 22)),
-        Column::new("Set → actual", Width::Fill),
+        Column::new("Set → actual", Width::Min(LEAST_VALUES)),
         Column::new("Eff", Width::Fixed(3)),
         Column::new("Alive", Width::Fixed(10)),
         Column::new("Errors", wide(8, 9, 22)),
@@ -154,7 +163,12 @@ impl Nodes {
     /// Place of the selected row.
     fn selected(&self, lines: &[Line]) -> usize {
         let at = match self.key {
-            Some(key) => lines.iter().position(|line| line.key == key),
+            Some(key) => {
+                let own = lines.iter().position(|line| line.key == key);
+                // Its outputs may be rows of their own by now.
+                let same = |line: &Line| key.node().is_some() && line.key.node() == key.node();
+                own.or_else(|| lines.iter().position(same))
+            }
             // Nothing was selected yet: the first node.
             None => lines.iter().position(|line| line.key.node().is_some()),
         };
@@ -332,15 +346,6 @@ impl Pane for Nodes {
             self.column = column;
         }
         table.row_at(inside, y, &state).map_or_else(Vec::new, |row| self.select(&lines, row))
-    }
-
-    fn refresh(&mut self, core: &Core) {
-        let lines = self.lines(core);
-        let at = self.selected(&lines);
-        self.place = at;
-        if self.key.is_some() {
-            self.key = lines.get(at).map(|line| line.key).or(self.key);
-        }
     }
 
     fn offer(&mut self, effect: &Effect, _core: &Core) {

@@ -204,6 +204,7 @@ impl<'a> Subject<'a> {
         if let Some((lost, again)) = self.lost() {
             let again = if again == 0 { String::new() } else { format!(", {again} written again") };
             values.remark = format!("{lost} SDO settings lost (RAM){again}");
+            values.brief = format!("{lost} settings lost");
         }
         values
     }

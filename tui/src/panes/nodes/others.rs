@@ -33,8 +33,8 @@ pub fn master(world: &World, bus: &Bus) -> Option<Line> {
     line.name = bus.master_name().map_or_else(String::new, |name| escape(name).into_owned());
     line.device = "master".into();
     line.values = match sync {
-        Some(row) => Values::remark(rhythm(row)),
-        None if has_commands => Values::remark("NMT commands"),
+        Some(row) => rhythm(row),
+        None if has_commands => Values::remark("NMT commands", ""),
         None => Values::default(),
     };
     if !guarded.is_empty() {
@@ -43,15 +43,15 @@ pub fn master(world: &World, bus: &Bus) -> Option<Line> {
     Some(line)
 }
 
-/// `SYNC 10.0 ms, jitter max 4.2`.
-fn rhythm(row: &IdentifierRow) -> String {
+/// `SYNC 10.0 ms, jitter 4.2 ms`, the largest deviation so far.
+fn rhythm(row: &IdentifierRow) -> Values {
     let intervals = &row.intervals;
     match (intervals.mean(), intervals.jitter()) {
         (Some(mean), Some(jitter)) if intervals.count() >= ENOUGH => {
-            let jitter = period(jitter);
-            format!("SYNC {}, jitter max {}", period(mean), jitter.trim_end_matches(" ms"))
+            let (mean, jitter) = (period(mean), period(jitter));
+            Values::remark(format!("SYNC {mean}, jitter {jitter}"), format!("SYNC {mean} ±{jitter}"))
         }
-        _ => format!("SYNC × {}", row.count),
+        _ => Values::remark(format!("SYNC × {}", row.count), ""),
     }
 }
 
@@ -100,7 +100,7 @@ fn orphan(row: &IdentifierRow, zero: Option<Timestamp>, now: Option<Timestamp>) 
     let since = row.intervals.began().zip(zero);
     let since = since.map_or(0, |(began, zero)| Timestamp(began).since(zero)).max(0) / 1_000_000;
     let since = format!("since {}.{:03} s", since / 1_000, since % 1_000);
-    line.values = Values::remark(format!("{since}, no known reader"));
+    line.values = Values::remark(format!("{since}, no known reader"), format!("{since}, no reader"));
     let past = now?.since(row.last_time?);
     let role = if past > mean.saturating_mul(2) { Role::Bad } else { Role::Text };
     line.alive = Shown::new(format!("rx {}", seconds(past)), role);

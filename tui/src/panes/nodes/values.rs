@@ -4,6 +4,7 @@
 //! p 125.0→124.2 bar/250  angle +50.0→+49.4 %      all of it
 //! p 125.0→124.2 bar angle +50.0→+49.4 %
 //! p 125→124bar angle +50→+49%                     without digits behind the point
+//! p 125→124 angle +50→+49
 //! ```
 
 use std::fmt::Write as _;
@@ -23,6 +24,8 @@ pub struct Values {
     pub pairs: Vec<Pair>,
     /// Said instead of values, or behind them.
     pub remark: String,
+    /// The same where there is little room.
+    pub brief: String,
 }
 
 /// A set point, and the value that follows it.
@@ -75,6 +78,7 @@ enum Brevity {
     Full,
     Close,
     Rounded,
+    Unitless,
     Nameless,
 }
 
@@ -94,20 +98,22 @@ impl Values {
                 None => pairs.push(Pair { short: short(meaning), actual: Some(number), ..Pair::default() }),
             }
         }
-        Self { pairs, remark: String::new() }
+        pairs.iter_mut().for_each(Pair::align_signs);
+        Self { pairs, ..Self::default() }
     }
 
     /// Says something instead of values.
-    pub fn remark(text: impl Into<String>) -> Self {
-        Self { pairs: Vec::new(), remark: text.into() }
+    pub fn remark(text: impl Into<String>, brief: impl Into<String>) -> Self {
+        Self { pairs: Vec::new(), remark: text.into(), brief: brief.into() }
     }
 
     /// As much as fits; the remark goes before digits and names, but values before the remark.
     pub fn fit(&self, width: u16, arrow: &str) -> String {
         if self.pairs.is_empty() {
-            return self.remark.clone();
+            let is_long = draw::width(&self.remark) > width && !self.brief.is_empty();
+            return if is_long { self.brief.clone() } else { self.remark.clone() };
         }
-        let all = [Brevity::Full, Brevity::Close, Brevity::Rounded, Brevity::Nameless];
+        let all = [Brevity::Full, Brevity::Close, Brevity::Rounded, Brevity::Unitless, Brevity::Nameless];
         let texts = all.map(|brevity| self.text(brevity, arrow));
         let fits = |text: &&String| draw::width(text) <= width;
         if !self.remark.is_empty() {
@@ -145,6 +151,17 @@ impl Pair {
         }
     }
 
+    /// The same signs for both: one of them may never be negative and has no plus.
+    fn align_signs(&mut self) {
+        let (Some(set), Some(actual)) = (&self.set, &mut self.actual) else { return };
+        let is_positive = |text: &str| text.parse::<f64>().is_ok_and(|number| number > 0.0);
+        if set.text.starts_with('+') && is_positive(&actual.text) && !actual.text.starts_with('+') {
+            actual.text.insert(0, '+');
+        } else if is_positive(&set.text) && !set.text.starts_with('+') {
+            actual.text = actual.text.trim_start_matches('+').to_owned();
+        }
+    }
+
     /// Whether an actual value is that of this set point: as its profile says, else by its short name.
     fn follows(&self, meaning: &Meaning) -> bool {
         match meaning.of {
@@ -156,11 +173,12 @@ impl Pair {
     fn text(&self, brevity: Brevity, arrow: &str, is_alone: bool) -> String {
         let written = |number: &Number| match brevity {
             Brevity::Full | Brevity::Close => number.text.clone(),
-            Brevity::Rounded | Brevity::Nameless => number.rounded(),
+            Brevity::Rounded | Brevity::Unitless | Brevity::Nameless => number.rounded(),
         };
         let blank = if brevity < Brevity::Rounded { " " } else { "" };
         let unit = |number: &Number| match number.unit.as_str() {
             "" => number.doubt().to_owned(),
+            _ if brevity > Brevity::Rounded => number.doubt().to_owned(),
             unit => format!("{blank}{unit}{}", number.doubt()),
         };
         let mut text = String::new();
