@@ -6,6 +6,7 @@ mod detail;
 mod events;
 mod findings;
 mod frames;
+mod nodes;
 mod objects;
 mod transfers;
 
@@ -79,6 +80,7 @@ macro_rules! panes {
 }
 
 panes! {
+    Nodes "nodes" "Nodes" nodes::Nodes::default();
     Events "events" "Events" events::Events::default();
     Frames "frames" "Frames" frames::Frames::default();
     Detail "detail" "Detail" detail::Detail::default();
