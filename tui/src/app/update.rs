@@ -97,7 +97,8 @@ impl App {
     /// The terminal has another size.
     pub fn resize(&mut self, width: u16, height: u16) {
         self.area = ratatui::layout::Rect::new(0, 0, width, height);
-        self.core.height = view::parts(self.area).body.height;
+        let body = view::parts(self.area).body;
+        (self.core.height, self.core.width) = (body.height, body.width);
         self.core.refresh();
     }
 
@@ -216,6 +217,14 @@ impl App {
     fn typed(&mut self, asking: Asking, event: PromptEvent) {
         let Mode::Asking(_, prompt) = &mut self.mode else { return };
         let text = prompt.text().to_owned();
+        let is_text = matches!(event, PromptEvent::Changed | PromptEvent::Submitted);
+        if asking == Asking::Search && is_text && self.search_pane(&text) {
+            if event == PromptEvent::Submitted {
+                self.mode = Mode::Panes;
+            }
+            return;
+        }
+        let Mode::Asking(_, prompt) = &mut self.mode else { return };
         match event {
             PromptEvent::Ignored => {}
             PromptEvent::Cancelled => {
@@ -238,6 +247,11 @@ impl App {
                 }
             },
         }
+    }
+
+    /// Lets the pane look for a text, if it does so itself.
+    fn search_pane(&mut self, text: &str) -> bool {
+        self.panes.get_mut(self.pane).is_some_and(|pane| pane.search(text, &self.core))
     }
 
     fn submit(&mut self, asking: Asking, text: &str) {
@@ -365,7 +379,10 @@ fn check(asking: Asking, text: &str) -> Result<(), (usize, String)> {
 }
 
 /// A pattern; without capital letters in it case does not matter.
-fn pattern(text: &str) -> Result<Regex, String> {
+///
+/// # Errors
+/// What is wrong with it.
+pub fn pattern(text: &str) -> Result<Regex, String> {
     let is_any_case = !text.chars().any(char::is_uppercase);
     let written = if is_any_case { format!("(?i){text}") } else { text.to_owned() };
     Regex::new(&written).map_err(|error| error.to_string())

@@ -2,6 +2,7 @@
 //! shows comes from [`Core`].
 
 mod events;
+mod signals;
 
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
@@ -25,6 +26,11 @@ pub trait Pane {
 
     /// Something another pane, or the application, offers to all.
     fn offer(&mut self, _effect: &Effect, _core: &Core) {}
+
+    /// Takes what is typed behind `/`, with each letter; `false`: it is for the events.
+    fn search(&mut self, _text: &str, _core: &Core) -> bool {
+        false
+    }
 
     /// What of it can be done with keys, for the line at the bottom.
     fn actions(&self) -> &'static [Action];
@@ -69,6 +75,7 @@ macro_rules! panes {
 
 panes! {
     Events "events" "Events" events::Events::default();
+    Signals "signals" "Signals" signals::Signals::default();
 }
 
 /// All panes.

@@ -188,3 +188,34 @@ fn every_small_size_and_strange_value() {
         }
     }
 }
+
+#[test]
+fn columns_are_counted_from_a_time() {
+    let set = values(&[(0, 10.0), (50, 20.0)]);
+    let series = [series("set point", "", 0, &set)];
+    let (from, to) = ends(0, 100);
+    let theme = plain(Borders::Ascii);
+    let plot = Plot::new(&theme, &series, from, to);
+    // Two columns of labels and the axis leave 50: of 2 ms each.
+    let area = Rect::new(0, 0, 53, 6);
+    assert_eq!(plot.beside(area, 9 * MILLISECOND, 0), 10 * MILLISECOND - 1);
+    assert_eq!(plot.beside(area, 9 * MILLISECOND, 1), 12 * MILLISECOND - 1);
+    assert_eq!(plot.beside(area, 9 * MILLISECOND, -1), 8 * MILLISECOND - 1);
+    assert_eq!(plot.beside(area, to, 0), to);
+    assert_eq!(plot.beside(area, to, 1), to + 2 * MILLISECOND);
+    assert_eq!(plot.beside(area, from, -1), from - 2 * MILLISECOND);
+}
+
+#[test]
+fn the_legend_can_be_had_as_text() {
+    let pressure = values(&[(0, 124.0), (500, 130.0)]);
+    let set = values(&[(200, 0.0), (1200, 50.0)]);
+    let series = [series("pressure", "bar", 0, &pressure), series("set", "%", 1, &set)];
+    let (from, to) = ends(0, 2000);
+    let theme = plain(Borders::Unicode);
+    let plot = Plot::new(&theme, &series, from, to).cursors(Some(700 * MILLISECOND), None);
+    assert_eq!(
+        plot.legend(),
+        "          A 0.70 s  min  max\npressure       130  124  130 bar\nset              0    0   50 %"
+    );
+}
