@@ -1,4 +1,4 @@
-//! Screens of the terminal UI: each file of `screens/` is a session, command, keys and what is seen.
+//! Screens of the terminal UI: each file of `screens/` is a session, command, keys, clicks and what is seen.
 //!
 //! ```text
 //! > cobscope view --node 32=danfoss-pve-ci fixtures/devices/pve.log
@@ -20,6 +20,7 @@ use cobscope::app::App;
 use cobscope::timeline::News;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
+use ratatui::crossterm::event::{KeyModifiers, MouseButton, MouseEvent, MouseEventKind};
 use ratatui::style::Modifier;
 
 use crate::support::workspace;
@@ -63,6 +64,15 @@ impl Screen {
             self.app.key(key);
             self.settle();
         }
+    }
+
+    /// Presses the mouse at `column,line`, both from 0.
+    fn click(&mut self, place: &str) {
+        let (column, row) = place.split_once(',').unwrap();
+        let (column, row) = (column.parse().unwrap(), row.parse().unwrap());
+        let kind = MouseEventKind::Down(MouseButton::Left);
+        self.app.mouse(MouseEvent { kind, column, row, modifiers: KeyModifiers::NONE });
+        self.settle();
     }
 
     fn text(&mut self) -> String {
@@ -123,7 +133,12 @@ fn play(session: &str) -> String {
                 screen.keys(keys);
                 played += &screen.text();
             }
-            (other, _) => panic!("{other}: expected cobscope, size or keys"),
+            ("click", place) => {
+                let screen = screen.get_or_insert_with(|| Screen::open(&command, size.0, size.1));
+                screen.click(place);
+                played += &screen.text();
+            }
+            (other, _) => panic!("{other}: expected cobscope, size, keys or click"),
         }
     }
     played

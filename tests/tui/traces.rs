@@ -2,6 +2,8 @@
 #![expect(clippy::indexing_slicing, reason = "a test that cannot go on has failed")]
 
 use std::collections::BTreeMap;
+use std::fs;
+use std::path::PathBuf;
 use std::process::Command;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
@@ -12,6 +14,7 @@ use cobscope::widgets::plot::Bucket;
 use cobscope_decoder::capture::ReadOptions;
 use cobscope_decoder::frame::{CanId, Timestamp};
 use cobscope_decoder::profile::Catalogue;
+use cobscope_decoder::profile::dbc::{self, Database};
 use cobscope_decoder::rules::Setup;
 use cobscope_decoder::session::{AssignedBy, Assignment, SessionOptions};
 
@@ -24,14 +27,14 @@ fn open(capture: &str, node: u8, device: &str) -> (Timeline, Receiver<News>) {
     let catalogue = Catalogue::default();
     let device = catalogue.device(device).unwrap();
     let assignment = Assignment { bus: None, node: node.into(), device, by: AssignedBy::Option };
+    let session = SessionOptions { assignments: vec![assignment], ..SessionOptions::default() };
+    read(workspace().join(capture), session)
+}
+
+fn read(path: PathBuf, session: SessionOptions) -> (Timeline, Receiver<News>) {
     let (sender, news) = channel();
-    let captures = Captures {
-        paths: vec![workspace().join(capture)],
-        align: false,
-        read: ReadOptions::default(),
-        session: SessionOptions { assignments: vec![assignment], ..SessionOptions::default() },
-        rules: Arc::new(Setup::default()),
-    };
+    let rules = Arc::new(Setup::default());
+    let captures = Captures { paths: vec![path], align: false, read: ReadOptions::default(), session, rules };
     let timeline = Timeline::open(captures, sender).unwrap();
     while timeline.end().is_none() || !timeline.progress().is_complete() {
         news.recv().unwrap();
@@ -153,6 +156,33 @@ fn ranges_are_those_of_decode() {
         }
         assert!(compared >= 3, "{capture}: {compared}");
     }
+}
+
+/// A selector, a value of one of its two pages, and one that is always there.
+const DBC: &str = "VERSION \"\"\nBO_ 100 MOTION: 3 N\n SG_ Page M : 0|8@1+ (1,0) [0|0] \"\" N\n \
+                   SG_ Speed m1 : 8|8@1+ (0.5,0) [0|0] \"km/h\" N\n SG_ Level : 16|8@1- (1,-10) [0|0] \"mm\" N\n";
+
+#[test]
+fn messages_of_a_database_are_traced_and_a_page_that_is_not_there_says_nothing() {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("traces");
+    fs::create_dir_all(&folder).unwrap();
+    let path = folder.join("motion.log");
+    let frames = ["064#01FF05", "064#0210FE", "064#010A00", "065#010A00", "064#01"];
+    let line = |(at, frame): (usize, &&str)| format!("(1700000000.{at}) can0 {frame}\n");
+    fs::write(&path, frames.iter().enumerate().map(line).collect::<String>()).unwrap();
+    let mut database = Database::default();
+    database.add(dbc::parse(DBC.as_bytes()).unwrap());
+    let session = SessionOptions { database: Arc::new(database), ..SessionOptions::default() };
+    let (timeline, news) = read(path, session);
+    let keys = signals(&timeline);
+    let names: Vec<_> = keys.iter().map(|key| (key.name.as_str(), key.unit.as_str())).collect();
+    assert_eq!(names, [("Page", ""), ("Speed", "km/h"), ("Level", "mm")]);
+    let traces = timeline.trace(keys.clone(), timeline.first().unwrap(), None);
+    wait(&traces, &news);
+    assert_eq!(values(&timeline, &traces, &keys[0]), [(0, 1.0), (100, 2.0), (200, 1.0), (400, 1.0)]);
+    assert_eq!(values(&timeline, &traces, &keys[1]), [(0, 127.5), (200, 5.0)]);
+    // Signed, and 10 less.
+    assert_eq!(values(&timeline, &traces, &keys[2]), [(0, -5.0), (100, -12.0), (200, -10.0)]);
 }
 
 #[test]

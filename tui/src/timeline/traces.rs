@@ -31,8 +31,8 @@ pub const MOST_BUCKETS: i64 = 4_096;
 /// Nanoseconds of a piece in the beginning, where the end is not known.
 const FIRST_WIDTH: i64 = 10_000;
 
-/// Frames between two times what was found is told.
-const STRIDE: u64 = 262_144;
+/// Frames between two times what was found is told: twice as many each time, from the first number to the second.
+const STRIDES: (u64, u64) = (16_384, 262_144);
 
 /// Stamps that go back no further than this many nanoseconds are still found behind the end of a range.
 const SLACK: i64 = 1_000_000_000;
@@ -146,19 +146,21 @@ fn begin(shared: &Shared, traces: &Traces, follower: &mut Follower) -> Result<Wa
 
 fn go(shared: &Shared, traces: &Traces, follower: &mut Follower, walk: &mut Walk, news: &Sender<News>) {
     let end = traces.to.map_or(i64::MAX, |to| to.saturating_add(SLACK));
-    let mut next = walk.world.frames() + STRIDE;
+    let (mut stride, most) = STRIDES;
+    let mut next = walk.world.frames() + stride;
     while !shared.is_over() && !traces.is_over.load(Ordering::Relaxed) {
         match walk.leap(u64::MAX, &mut |told: Told<'_>| follower.take(&told)) {
             Ok(true) => {}
             Ok(false) | Err(_) => return,
         }
         let time = walk.world.time().map_or(traces.from, |time| time.0);
+        traces.reached.store(time, Ordering::Relaxed);
         if time > end {
             return;
         }
         if walk.world.frames() >= next {
-            next = walk.world.frames() + STRIDE;
-            traces.reached.store(time, Ordering::Relaxed);
+            stride = most.min(stride * 2);
+            next = walk.world.frames() + stride;
             follower.tell(traces);
             if news.send(News::Traced).is_err() {
                 return;
@@ -325,7 +327,11 @@ fn join(first: Option<Bucket>, second: Option<Bucket>) -> Option<Bucket> {
 }
 
 #[cfg(test)]
+#[expect(clippy::indexing_slicing, reason = "a test that cannot go on has failed")]
 mod tests {
+    use cobscope_decoder::profile::{DataType, Factor, Field, Meaning};
+    use cobscope_decoder::wire::canopen::ObjectAddress;
+
     use super::*;
 
     fn kept(buckets: &Buckets) -> Vec<Bucket> {
@@ -358,6 +364,52 @@ mod tests {
         assert_eq!(buckets.before.map(|bucket| bucket.last), Some(2.0));
         assert_eq!(kept(&buckets).iter().map(|bucket| bucket.last).collect::<Vec<_>>(), [3.0, 4.0]);
         assert!(buckets.is_exact);
+    }
+
+    /// A layout of one byte each, by object, unit and factor.
+    fn layout(fields: &[(u16, &str, f64)]) -> Arc<Layout> {
+        let field = |(at, (index, unit, factor)): (u16, &(u16, &str, f64))| {
+            let scale = Some(Factor { factor: *factor, offset: 0.0, full_scale: None });
+            let object = ObjectAddress::new(*index, 0);
+            let meaning = Meaning { unit: (*unit).into(), scale, ..Meaning::default() };
+            let field = Field::of_object(object, at * 8, 8, DataType::Unsigned8);
+            Field { meaning: Some(Arc::new(meaning)), ..field }
+        };
+        Arc::new(Layout { fields: (0..).zip(fields).map(field).collect(), ..Layout::default() })
+    }
+
+    #[test]
+    fn a_signal_is_found_in_each_layout_by_what_it_is() {
+        let first = layout(&[(0x6000, "bar", 1.0), (0x6001, "%", 0.5)]);
+        let signal = SignalKey::new(BusIndex(0), CanId::standard(0x181), &first, 0).unwrap();
+        let rescaled = layout(&[(0x6001, "%", 0.5), (0x6000, "bar", 2.0)]);
+        let of_mode = layout(&[(0x6000, "l/min", 0.1), (0x6001, "%", 0.5)]);
+        let without = layout(&[(0x6001, "%", 0.5)]);
+        let traces = Traces::new(vec![signal.clone()], Timestamp(0), None);
+        let mut follower = Follower::new(&traces);
+        // The last has no room for it, so what was before still holds.
+        let payloads: [(&Arc<Layout>, &[u8]); 6] = [
+            (&first, &[10, 20]),
+            (&rescaled, &[20, 10]),
+            (&of_mode, &[10, 20]),
+            (&rescaled, &[20, 11]),
+            (&without, &[20]),
+            (&first, &[]),
+        ];
+        for (second, (layout, payload)) in (0..).zip(payloads) {
+            follower.values(BusIndex(0), signal.id, layout, payload, second * 1_000_000_000);
+        }
+        // Of others nothing is taken.
+        follower.values(BusIndex(1), signal.id, &first, &[99, 99], 9_000_000_000);
+        follower.tell(&traces);
+        let points = traces.points(&signal).unwrap();
+        let values: Vec<_> = points.buckets.iter().map(|bucket| bucket.last).collect();
+        assert_eq!(values.len(), 5);
+        assert_eq!([values[0], values[1], values[3]], [10.0, 20.0, 22.0]);
+        assert!(values[2].is_nan() && values[4].is_nan());
+        let others = [SignalKey::new(signal.bus, signal.id, &rescaled, 1).unwrap()];
+        assert_eq!(others, [signal.clone()]);
+        assert_ne!(SignalKey::new(signal.bus, signal.id, &of_mode, 0).unwrap(), signal);
     }
 
     #[test]

@@ -53,8 +53,8 @@ pub(super) struct List {
 /// Columns that names of nodes get at most.
 const MOST_NODE: u16 = 12;
 
-/// Columns of a list this wide or wider give values more room.
-const WIDE_LIST: u16 = 70;
+/// Columns of values, by the width of the list from which on they get so many.
+const VALUES: [(u16, u16); 3] = [(110, 32), (70, 20), (0, 14)];
 
 impl List {
     /// As wide as what they hold needs.
@@ -63,7 +63,7 @@ impl List {
             let widths = self.entries.iter().map(|entry| draw::width(text(entry)));
             Width::Fixed(widths.max().unwrap_or(0).clamp(4, most))
         };
-        let value = if area.width < WIDE_LIST { 14 } else { 32 };
+        let value = VALUES.iter().find(|(least, _)| area.width >= *least).map_or(0, |(_, value)| *value);
         [
             Column::new("", Width::Fixed(1)),
             Column::new("Node", widest(|entry| &entry.node, MOST_NODE)).priority(3),
@@ -85,9 +85,16 @@ impl List {
         let selected = self.selected().cloned();
         self.entries = entries(&worlds);
         self.narrow();
-        let again = selected.and_then(|key| self.shown().position(|entry| entry.key == key));
-        self.state.selected = again.unwrap_or(self.state.selected);
+        if let Some(key) = selected {
+            self.select(&key);
+        }
         self.state.clamp(self.shown.len());
+    }
+
+    /// Selects a signal if it is shown.
+    pub(super) fn select(&mut self, key: &SignalKey) {
+        let place = self.shown().position(|entry| entry.key == *key);
+        self.state.selected = place.unwrap_or(self.state.selected);
     }
 
     /// Shows only what has a text; all for none.
@@ -153,6 +160,14 @@ impl List {
         look_of: impl Fn(&SignalKey) -> Option<Role>,
     ) {
         let columns = self.columns(area);
+        let others: u16 = columns
+            .iter()
+            .map(|column| match column.width {
+                Width::Fixed(width) => width + 1,
+                Width::Min(_) | Width::Fill => 1,
+            })
+            .sum();
+        let room = area.width.saturating_sub(others);
         let row = |index: usize| -> Row<'_> {
             let entry = self.shown.get(index).and_then(|place| self.entries.get(*place));
             let Some(entry) = entry else { return Row::default() };
@@ -163,7 +178,7 @@ impl List {
                 Cell::new(mark, style),
                 entry.node.as_str().into(),
                 Cell::new(entry.from.as_str(), core.theme.style(Role::Quiet)),
-                Cell::new(entry.key.name.as_str(), style),
+                Cell::new(within(&entry.key.name, room), style),
                 value(core, &entry.key).unwrap_or_default().into(),
             ])
         };
@@ -185,6 +200,14 @@ impl List {
         let entry = self.entries.get(*self.shown.get(self.state.selected)?)?;
         let value = value(core, &entry.key).unwrap_or_default();
         Some(format!("{} {} {} {value}", entry.node, entry.from, entry.key.name))
+    }
+}
+
+/// A name, or its end where it has no room: what is before a comma is the same in many.
+pub(super) fn within(name: &str, room: u16) -> &str {
+    match name.split_once(", ") {
+        Some((_, rest)) if draw::width(name) > room => rest,
+        _ => name,
     }
 }
 
@@ -311,4 +334,40 @@ fn entry(world: &World, row: &IdentifierRow, key: SignalKey, several: bool) -> E
     let number = row.pdo.map_or(0, |pdo| pdo.number);
     let of_node = row.node.map_or(u8::MAX, NodeId::number);
     Entry { key, node, from, order: (row.bus.0, of_node, is_received, number, row.id.number()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use cobscope_decoder::capture::BusNames;
+    use cobscope_decoder::frame::Frame;
+    use cobscope_decoder::profile::dbc::{self, Database};
+    use cobscope_decoder::session::SessionOptions;
+
+    use super::*;
+
+    #[test]
+    fn what_a_sender_says_with_two_priorities_is_one_signal() {
+        // PGN F101 of whichever source.
+        let text = "VERSION \"\"\nBO_ 2565931518 SPEED: 8 N\n SG_ Speed : 0|8@1+ (1,0) [0|0] \"km/h\" N\n";
+        let mut database = Database::default();
+        database.add(dbc::parse(text.as_bytes()).unwrap());
+        let options = SessionOptions { database: Arc::new(database), ..SessionOptions::default() };
+        let mut world = World::new(options);
+        let mut names = BusNames::default();
+        names.index_of(b"can0").unwrap();
+        for (number, id) in (1..).zip([0x18F1_0180, 0x0CF1_0180, 0x0CF1_0180, 0x18F1_0181]) {
+            let frame = Frame { number, ..Frame::data_frame(CanId::extended(id), &[7; 8]) };
+            world.push(&frame, &names, &mut |_| ());
+        }
+        let found = entries(&[&world, &world]);
+        let ids: Vec<_> = found.iter().map(|entry| entry.key.id.number()).collect();
+        assert_eq!(ids, [0x0CF1_0180, 0x18F1_0181]);
+    }
+
+    #[test]
+    fn a_long_name_is_cut_before_its_comma() {
+        assert_eq!(within("Command values, Nominal pressure", 40), "Command values, Nominal pressure");
+        assert_eq!(within("Command values, Nominal pressure", 20), "Nominal pressure");
+        assert_eq!(within("Pressure", 4), "Pressure");
+    }
 }

@@ -44,6 +44,9 @@ const LIST_WIDTH: u16 = 46;
 /// Lines of the list above the plot, with its titles.
 const LIST_HEIGHT: u16 = 6;
 
+/// Columns of the legend that are no names.
+const OF_LEGEND: u16 = 52;
+
 /// A signal that is plotted.
 struct Picked {
     key: SignalKey,
@@ -150,6 +153,7 @@ impl Signals {
 
     /// The signals that are plotted, with the values at the cursors as exactly as they are known.
     fn shown(&self, core: &Core) -> Vec<Shown> {
+        let room = self.parts(Self::area(core)).plot.width.saturating_sub(OF_LEGEND);
         let cursor = self.view.cursor(core).filter(|_| !core.is_pending() && !core.is_waiting());
         let shown = |picked: &Picked| {
             let points = self.view.points(core, &picked.key);
@@ -163,7 +167,8 @@ impl Signals {
             {
                 put(&mut points, second.time, *value);
             }
-            let name = format!("{}{}", picked.key.name, if is_assumed { "?" } else { "" });
+            let name = list::within(&picked.key.name, room);
+            let name = format!("{name}{}", if is_assumed { "?" } else { "" });
             Shown { name, unit: picked.key.unit.clone(), role: Role::Highlight(picked.look), points }
         };
         self.picked.iter().map(shown).collect()
@@ -346,7 +351,12 @@ impl Pane for Signals {
 
     fn offer(&mut self, effect: &Effect, core: &Core) {
         match effect {
-            Effect::Plot(key) => self.refused += usize::from(!self.pick(key)),
+            Effect::Plot(key) => {
+                if self.list.selected().is_none_or(|selected| self.look_of(selected).is_none()) {
+                    self.list.select(key);
+                }
+                self.refused += usize::from(!self.pick(key));
+            }
             Effect::Go(Place::Time(time)) if self.view.cursor(core) == Some(time.0) => {}
             Effect::Go(_) => self.view.forget_aim(),
             _ => {}

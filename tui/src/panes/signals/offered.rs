@@ -17,19 +17,23 @@ use crate::timeline::signal::carried;
 
 /// What plotting the selected event comes to.
 pub fn plot(core: &Core) -> Vec<Effect> {
-    let signals = core.row().map_or_else(Vec::new, |row| signals(&row.event, core.world()));
-    if signals.is_empty() {
-        return vec![Effect::Refuse("nothing of this event can be plotted".into())];
+    let Some(row) = core.row() else { return vec![Effect::Refuse("no event is selected".into())] };
+    let end = core.timeline.end();
+    // Early in a capture what is known at its end tells more.
+    let mut found = core.world().into_iter().chain(end.as_deref()).map(|world| signals(&row.event, world));
+    match found.find(|signals| !signals.is_empty()) {
+        Some(signals) => {
+            signals.into_iter().map(Effect::Plot).chain([Effect::Show(PaneId::Signals)]).collect()
+        }
+        None => vec![Effect::Refuse("nothing of this event can be plotted".into())],
     }
-    signals.into_iter().map(Effect::Plot).chain([Effect::Show(PaneId::Signals)]).collect()
 }
 
 /// The signals of an event, as far as the world knows them.
-fn signals(event: &Event, world: Option<&World>) -> Vec<SignalKey> {
+fn signals(event: &Event, world: &World) -> Vec<SignalKey> {
     if let Some((id, layout, _)) = carried(event) {
         return SignalKey::all(event.bus, id, layout).collect();
     }
-    let Some(world) = world else { return Vec::new() };
     let mut rows =
         world.identifiers().rows().iter().filter(|row| {
             !row.is_remote && row.bus == event.bus && row.node.is_some() && row.node == event.node

@@ -116,7 +116,7 @@ impl Window {
 
     /// The first time of a column.
     fn time(&self, column: u32, columns: u32) -> i64 {
-        let after = u128::from(column) * u128::from(self.span()) / u128::from(columns.max(1));
+        let after = (u128::from(column) * u128::from(self.span())).div_ceil(u128::from(columns.max(1)));
         u64::try_from(after)
             .ok()
             .and_then(|after| self.from.checked_add_unsigned(after))

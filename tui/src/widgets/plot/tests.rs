@@ -207,6 +207,23 @@ fn columns_are_counted_from_a_time() {
 }
 
 #[test]
+fn a_column_is_found_again_by_its_times() {
+    let set = values(&[(0, 10.0), (50, 20.0)]);
+    let series = [series("set point", "", 0, &set)];
+    let theme = plain(Borders::Ascii);
+    // 1,000 ns do not divide into 47 columns.
+    let plot = Plot::new(&theme, &series, 5, 1_004);
+    let area = Rect::new(0, 0, 47, 4);
+    for x in 0..47 {
+        let first = plot.time_at(area, x).unwrap();
+        let last = plot.beside(area, first, 0);
+        let column = |time| plot.window.column(time, 47);
+        assert_eq!((column(first), column(last)), (i64::from(x), i64::from(x)));
+        assert!(x == 0 || column(first - 1) == i64::from(x) - 1);
+    }
+}
+
+#[test]
 fn the_legend_can_be_had_as_text() {
     let pressure = values(&[(0, 124.0), (500, 130.0)]);
     let set = values(&[(200, 0.0), (1200, 50.0)]);
