@@ -91,6 +91,8 @@ pub struct Core {
     pub is_paused: bool,
     /// Rows a pane has room for.
     pub height: u16,
+    /// Columns a pane has room for.
+    pub width: u16,
     serial: u64,
     target: Target,
     is_waiting: bool,
@@ -112,6 +114,7 @@ impl Core {
             said: None,
             is_paused: true,
             height: 24,
+            width: 80,
             serial: 0,
             target: Target::Spot(Spot::default()),
             is_waiting: false,

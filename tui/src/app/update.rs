@@ -97,7 +97,8 @@ impl App {
     /// The terminal has another size.
     pub fn resize(&mut self, width: u16, height: u16) {
         self.area = ratatui::layout::Rect::new(0, 0, width, height);
-        self.core.height = view::parts(self.area).body.height;
+        let body = view::parts(self.area).body;
+        (self.core.width, self.core.height) = (body.width, body.height);
         self.core.refresh();
     }
 

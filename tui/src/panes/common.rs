@@ -41,20 +41,20 @@ pub(super) fn node_filter(node: NodeId) -> String {
 }
 
 /// The world that knows most buses: that of the end, once it is known.
-fn widest(core: &Core) -> Option<Arc<World>> {
+pub(super) fn last_world(core: &Core) -> Option<Arc<World>> {
     core.timeline.end().or_else(|| core.window.as_ref().map(|window| Arc::clone(&window.world)))
 }
 
 /// Name of a bus, escaped.
 pub(super) fn bus_name(core: &Core, bus: BusIndex) -> String {
-    let world = widest(core);
+    let world = last_world(core);
     let bus = world.as_ref().and_then(|world| world.buses().get(usize::from(bus.0)));
     bus.map_or(String::new(), |bus| escape(bus.name()).into_owned())
 }
 
 /// Whether there is more than one bus.
 pub(super) fn has_buses(core: &Core) -> bool {
-    widest(core).is_some_and(|world| world.buses().len() > 1)
+    last_world(core).is_some_and(|world| world.buses().len() > 1)
 }
 
 /// How a severity looks.

@@ -1,6 +1,7 @@
 //! The panes: each a file, and a line in the registry below. A pane keeps only what its user did in it; what it
 //! shows comes from [`Core`].
 
+mod bus;
 mod common;
 mod events;
 mod findings;
@@ -76,6 +77,7 @@ panes! {
     Frames "frames" "Frames" frames::Frames::default();
     Transfers "transfers" "Transfers" transfers::Transfers::default();
     Findings "findings" "Findings" findings::Findings::default();
+    Bus "bus" "Bus" bus::BusPane::default();
 }
 
 /// All panes.
