@@ -13,11 +13,13 @@ use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::NodeId;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
+use ratatui::text::{Line, Span};
 
 use crate::app::Core;
 use crate::figures::seconds;
 use crate::theme::{Glyph, Role, Theme};
 use crate::widgets::draw;
+use crate::widgets::text_lines::TextLines;
 
 /// Seconds from the first frame.
 pub(super) fn time(core: &Core, time: Option<Timestamp>) -> String {
@@ -63,6 +65,53 @@ pub(super) const fn severity_role(severity: Severity) -> Role {
         Severity::Error => Role::Bad,
         Severity::Warning => Role::Caution,
         Severity::Note => Role::Note,
+    }
+}
+
+/// Lines with a label each: what has to be wrapped stands below the text, not below its label.
+pub(super) struct Labelled {
+    /// As wide as the widest label with the blanks around it.
+    pub(super) room: u16,
+    /// Label and text; a line without label stands at the margin.
+    pub(super) lines: Vec<(&'static str, Line<'static>)>,
+}
+
+impl Labelled {
+    /// The lines with blanks where labels go.
+    fn indented(&self) -> Vec<Line<'static>> {
+        let blank = " ".repeat(usize::from(self.room));
+        let indent = |(label, line): &(&str, Line<'static>)| {
+            let mut line = line.clone();
+            if !label.is_empty() {
+                line.spans.insert(0, Span::raw(blank.clone()));
+            }
+            line
+        };
+        self.lines.iter().map(indent).collect()
+    }
+
+    /// The scroll that shows the end.
+    pub(super) fn last_scroll(&self, theme: &Theme, area: Rect) -> usize {
+        TextLines::new(theme, &self.indented()).last_scroll(area)
+    }
+
+    /// Draws what is in view; a label stands once where several lines have it.
+    pub(super) fn render(&self, theme: &Theme, scroll: usize, area: Rect, buf: &mut Buffer) {
+        let lines = self.indented();
+        let text = TextLines::new(theme, &lines).scroll(scroll);
+        let scroll = scroll.min(text.last_scroll(area));
+        text.render(area, buf);
+        let width = if text.last_scroll(area) > 0 { area.width.saturating_sub(1) } else { area.width };
+        let (mut row, mut last) = (0_usize, "");
+        for ((label, _), line) in self.lines.iter().zip(&lines) {
+            let y = row.checked_sub(scroll).map(|row| area.y.saturating_add(draw::cells(row)));
+            if let Some(y) = y.filter(|y| *y < area.bottom() && last != *label) {
+                let room = self.room.min(area.width);
+                draw::put(buf, area.x, y, room, label, theme.style(Role::Quiet));
+            }
+            last = label;
+            row += TextLines::new(theme, std::slice::from_ref(line)).total(width);
+        }
     }
 }
 

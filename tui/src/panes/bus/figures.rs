@@ -11,16 +11,17 @@
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::statistics::BusStatistics;
-use ratatui::text::{Line, Span};
+use ratatui::text::Line;
 
 use crate::app::Core;
 use crate::figures::bytes;
+use crate::panes::common::Labelled;
 use crate::theme::Role;
 use crate::timeline::Survey;
 use crate::words::{commands, error_frames, faults, rates, stamps};
 
-/// How a view is told the bit rate.
-const HINT: &str = "bitrate = 250000 under [bus.can0] of a bus file (--bus)";
+/// Columns for labels.
+const LABEL: u16 = 9;
 
 /// All of it; what is wrong stands out.
 pub(super) fn lines(
@@ -28,7 +29,7 @@ pub(super) fn lines(
     survey: &Survey,
     bus: Option<(&Bus, &BusStatistics)>,
     buses: usize,
-) -> Vec<Line<'static>> {
+) -> Labelled {
     let mut told = Vec::new();
     if !survey.is_complete {
         told.push(("so far", Role::Note, format!("{} frames are looked at", survey.frames)));
@@ -49,20 +50,17 @@ pub(super) fn lines(
     }
     told.extend(quality(core, survey, buses));
     told.extend(files(core).into_iter().map(|text| ("capture", Role::Text, text)));
-    let mut last = "";
     let line = |(label, role, text): (&'static str, Role, String)| {
-        let shown = if label == last { "" } else { label };
-        last = label;
-        let label = Span::styled(format!("{shown:<9}"), core.theme.style(Role::Quiet));
-        Line::from(vec![label, Span::styled(escape(&text).into_owned(), core.theme.style(role))])
+        (label, Line::styled(escape(&text).into_owned(), core.theme.style(role)))
     };
-    told.into_iter().map(line).collect()
+    Labelled { room: LABEL, lines: told.into_iter().map(line).collect() }
 }
 
 /// Frames and load of a bus.
 pub(super) fn rates_of(survey: &Survey, bus: &Bus, statistics: &BusStatistics) -> Vec<String> {
     let quality = &survey.statistics.quality;
-    rates(statistics, quality.duration(), quality.first.unwrap_or(0), bus.bit_rate(), HINT)
+    let hint = format!("bitrate = 250000 below [bus.{}] in a bus file (--bus)", bus.name());
+    rates(statistics, quality.duration(), quality.first.unwrap_or(0), bus.bit_rate(), &hint)
 }
 
 /// How far the capture can be trusted.

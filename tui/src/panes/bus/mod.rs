@@ -24,16 +24,15 @@ use self::axis::{Axis, Content, MOST_ZOOM, further};
 use super::Pane;
 use super::common::{bus_name, last_world};
 use crate::app::{Action, Core, Effect, PaneId, Place};
-use crate::figures::{bits, seconds};
+use crate::figures::{bits, millis, seconds};
 use crate::theme::{Glyph, Role};
 use crate::timeline::Survey;
 use crate::widgets::bars::Bars;
 use crate::widgets::draw;
-use crate::widgets::text_lines::TextLines;
 use crate::words::protocols;
 
 /// Columns for what the bars are worth.
-const SCALE: u16 = 10;
+const SCALE: u16 = 12;
 
 /// Lines of height from which bars are higher.
 const TALL: u16 = 26;
@@ -121,7 +120,7 @@ impl BusPane {
         if let Some(axis) = axis {
             let part =
                 if self.zoom == 0 { "all".to_owned() } else { format!("1/{} of all", 1_u64 << self.zoom) };
-            let text = format!("  a column is {} s, {part}", seconds(axis.column));
+            let text = format!("  a column is {} ms, {part}", millis(axis.column));
             draw::line(buf, area, &Line::styled(text, theme.style(Role::Quiet)), draw::Align::Right, theme);
         }
     }
@@ -274,7 +273,7 @@ impl Pane for BusPane {
             }
         }
         let lines = figures::lines(core, &survey, bus.zip(survey.statistics.buses.get(place)), buses.len());
-        TextLines::new(&core.theme, &lines).scroll(self.scroll).render(parts.text, buf);
+        lines.render(&core.theme, self.scroll, parts.text, buf);
     }
 
     fn act(&mut self, action: Action, core: &Core) -> Vec<Effect> {
@@ -348,6 +347,6 @@ impl BusPane {
             buses.get(place).zip(survey.statistics.buses.get(place)),
             buses.len(),
         );
-        TextLines::new(&core.theme, &lines).last_scroll(text)
+        lines.last_scroll(&core.theme, text)
     }
 }
