@@ -17,4 +17,5 @@ mod screens;
 mod stats;
 #[path = "../support/mod.rs"]
 mod support;
+mod terminal;
 mod why;

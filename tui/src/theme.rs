@@ -293,7 +293,7 @@ const fn block(
     }
 }
 
-/// The table of looks. Yellow on white cannot be read, so a light palette of sixteen colours warns in magenta.
+/// The table of looks. Yellow on white cannot be read, so a light palette of sixteen colours has magenta.
 const fn look(role: Role) -> Look {
     use Color::{Blue, Cyan, DarkGray, Green, LightBlue, LightCyan, LightGreen, LightMagenta, LightRed};
     use Color::{LightYellow, Magenta, Red, Yellow};

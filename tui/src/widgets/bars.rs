@@ -41,7 +41,8 @@ impl<'a> Bars<'a> {
         Self { is_load: false, ..self }
     }
 
-    /// Draws the values across the whole width: of several in a column the highest, of fewer than columns each wider.
+    /// Draws the values across the whole width: of several in a column the highest one; each wider where there
+    /// are fewer than columns.
     pub fn render(&self, area: Rect, buf: &mut Buffer) {
         let area = area.intersection(buf.area);
         if area.is_empty() || self.values.is_empty() {

@@ -51,6 +51,22 @@ pub fn put(buf: &mut Buffer, x: u16, y: u16, room: u16, text: &str, style: Style
     }
 }
 
+/// The end of a text that fits into `room` columns, behind an ellipsis where its beginning had to go.
+pub fn tail(text: &str, room: u16, theme: &Theme) -> String {
+    if width(text) <= room {
+        return text.to_owned();
+    }
+    let ellipsis = theme.glyph(Glyph::Ellipsis);
+    let room = room.saturating_sub(width(ellipsis));
+    let mut rest = text;
+    while width(rest) > room {
+        let mut characters = rest.chars();
+        characters.next();
+        rest = characters.as_str();
+    }
+    format!("{ellipsis}{rest}")
+}
+
 /// Draws a line into the first line of `area`, with an ellipsis where it had to be cut.
 pub fn line(buf: &mut Buffer, area: Rect, line: &Line<'_>, align: Align, theme: &Theme) {
     let area = area.intersection(buf.area);
@@ -69,8 +85,7 @@ pub fn line(buf: &mut Buffer, area: Rect, line: &Line<'_>, align: Align, theme: 
     put(buf, end, area.y, area.right().saturating_sub(end), ellipsis, line.style);
 }
 
-/// Draws a scrollbar into the last column of `area`, which shows as many rows as it has lines, from `start` on, of
-/// `count`.
+/// Draws a scrollbar into the last column of `area`, which shows a row a line, from `start` on, of `count`.
 pub fn scrollbar(buf: &mut Buffer, area: Rect, start: usize, count: usize, theme: &Theme) {
     let (top, length) = thumb(start, usize::from(area.height), count);
     for (line, y) in (area.top()..area.bottom()).enumerate() {
@@ -81,8 +96,8 @@ pub fn scrollbar(buf: &mut Buffer, area: Rect, start: usize, count: usize, theme
     }
 }
 
-/// First line and length of a scrollbar's thumb: at the top only where the first row is in view, at the bottom only
-/// where the last one is.
+/// First line and length of a scrollbar's thumb: at the top only where the first row is in view, at the
+/// bottom only where the last one is.
 fn thumb(start: usize, height: usize, count: usize) -> (usize, usize) {
     let length = (height * height / count.max(1)).clamp(1, height.max(1));
     let (lines, rows) = (height.saturating_sub(length), count.saturating_sub(height));

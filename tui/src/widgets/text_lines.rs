@@ -120,8 +120,8 @@ impl<'a> Wrapped<'a> {
     }
 }
 
-/// How many graphemes go into a row, and how many are done with it: the blanks it is broken at are in no row. No break is
-/// looked for before `first`.
+/// How many graphemes go into a row, and how many are done with it: the blanks it is broken at are in no row.
+/// No break is looked for before `first`.
 fn row_end(graphemes: &[StyledGrapheme<'_>], room: u16, first: usize) -> (usize, usize) {
     let mut used = 0;
     let mut blank = None;
@@ -132,7 +132,7 @@ fn row_end(graphemes: &[StyledGrapheme<'_>], room: u16, first: usize) -> (usize,
         }
         used += draw::width(grapheme.symbol);
         if used > room {
-            // A word longer than a row is broken anywhere; something goes into each row, or there would be no end.
+            // A word longer than a row is broken anywhere. Without something in each row there would be no end.
             let end = blank.filter(|blank| *blank > 0).unwrap_or(at.max(1));
             let rest = graphemes.get(end..).unwrap_or_default();
             let blanks = rest.iter().take_while(|grapheme| grapheme.symbol == " ").count();

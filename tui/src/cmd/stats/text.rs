@@ -7,9 +7,12 @@ use cobscope_decoder::profile;
 use cobscope_decoder::session::{Bus, Node};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::table::{Align, Table};
-use cobscope_decoder::statistics::{BusStatistics, Distribution, Intervals, NodeStatistics, dtc_of_key};
+use cobscope_decoder::statistics::{
+    BusStatistics, Distribution, Intervals, NodeStatistics, dtc_of_key, span,
+};
 
 use super::{Report, j1939};
+use crate::figures::{bits, millis, seconds, tenths};
 
 /// Writes the report of one capture.
 pub fn write(report: &Report<'_>, output: &mut String) {
@@ -64,9 +67,9 @@ fn quality(report: &Report<'_>, text: &mut String) {
         faults.push(format!("{} frames lost by the recorder", quality.lost));
     }
     if quality.clock_steps.0 > 0 {
-        let largest = seconds(quality.clock_steps.1.saturating_neg());
-        faults
-            .push(format!("{} backward steps of the stamps, the largest {largest} s", quality.clock_steps.0));
+        let (steps, largest) = (quality.clock_steps.0, span(quality.clock_steps.1.saturating_neg()));
+        let steps = if steps == 1 { "1 backward step".to_owned() } else { format!("{steps} backward steps") };
+        faults.push(format!("{steps} of the stamps, the largest {largest}"));
     }
     if quality.silences.0 > 0 {
         let longest = seconds(quality.silences.1);
@@ -330,31 +333,6 @@ fn ids(bus: &Bus, statistics: &BusStatistics, end: Option<i64>, start: i64, text
     if statistics.other_ids > 0 {
         let _ = writeln!(text, " further identifiers: {} frames", statistics.other_ids);
     }
-}
-
-/// A count a second, or bits, with one digit while they are few.
-fn tenths(tenths: u128) -> String {
-    if tenths < 1_000 { format!("{}.{}", tenths / 10, tenths % 10) } else { (tenths / 10).to_string() }
-}
-
-/// Bits as `590 bit` or `48 kbit`.
-fn bits(count: u128) -> String {
-    if count < 10_000 { format!("{count} bit") } else { format!("{} kbit", count / 1000) }
-}
-
-/// Milliseconds with three digits, one from 100 on.
-fn millis(nanoseconds: i64) -> String {
-    let micros = nanoseconds.unsigned_abs() / 1_000;
-    if micros >= 100_000 {
-        format!("{}.{}", micros / 1_000, micros % 1_000 / 100)
-    } else {
-        format!("{}.{:03}", micros / 1_000, micros % 1_000)
-    }
-}
-
-fn seconds(nanoseconds: i64) -> String {
-    let milliseconds = nanoseconds.unsigned_abs() / 1_000_000;
-    format!("{}.{:03}", milliseconds / 1_000, milliseconds % 1_000)
 }
 
 /// Seconds since the first frame.

@@ -15,8 +15,8 @@
 //! ⠤⠤ pressure       130  121  130 bar
 //! ```
 //!
-//! Series with the same unit share an axis; the first unit has the left one, the second the right one, and series of
-//! further units have their own scale.
+//! Series with the same unit share an axis; the first unit has the left one, the second the right one, and
+//! series of further units have their own scale.
 
 mod canvas;
 mod frame;

@@ -20,7 +20,7 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// A scale for values from `low` to `high`, at whose ends and about `ticks` times between there are ticks.
+    /// A scale for values from `low` to `high`, with ticks at its ends and about `ticks` steps between them.
     pub fn round(low: f64, high: f64, ticks: u16) -> Self {
         let (low, high) = widened(low, high);
         let step = round_step((high / 2.0 - low / 2.0) * 2.0 / f64::from(ticks.max(1)));
