@@ -69,24 +69,24 @@ impl Screen {
     fn text(&mut self) -> String {
         self.terminal.draw(|frame| self.app.draw(frame.area(), frame.buffer_mut())).unwrap();
         let buffer = self.terminal.backend().buffer();
-        let folder = format!("{}/", workspace().display());
         let mut text = String::new();
         for y in 0..buffer.area.height {
             let cells: Vec<_> = (0..buffer.area.width).filter_map(|x| buffer.cell((x, y))).collect();
             let line: String = cells.iter().map(|cell| cell.symbol()).collect();
             let reversed = cells.iter().filter(|cell| cell.modifier.contains(Modifier::REVERSED)).count();
             let mark = if y > 1 && reversed >= LEAST_SELECTED { "▶ " } else { "  " };
-            text += format!("{mark}{}", line.replace(&folder, "")).trim_end();
+            text += format!("{mark}{}", line.replace("../", "")).trim_end();
             text.push('\n');
         }
         text
     }
 }
 
-/// Paths of the fixtures, from wherever the test runs.
+/// Paths of the fixtures as seen from the folder tests run in: as long on every machine, so that a screen cuts them at
+/// the same place.
 fn in_workspace(word: &str) -> String {
-    let path = workspace().join(word);
-    if word.contains('/') && path.exists() { path.display().to_string() } else { word.to_owned() }
+    let is_path = word.contains('/') && workspace().join(word).exists();
+    if is_path { format!("../{word}") } else { word.to_owned() }
 }
 
 /// Words as a shell would have them, with single quotes.
