@@ -250,6 +250,9 @@ impl App {
             PromptEvent::Ignored => {}
             PromptEvent::Cancelled => {
                 self.mode = Mode::Panes;
+                if asking == Asking::Search {
+                    self.search_pane("");
+                }
             }
             PromptEvent::Changed => {
                 if let Err((offset, reason)) = check(asking, &text) {

@@ -167,7 +167,7 @@ impl Seeker {
             };
             if window.selected + 1 >= order.before || from == 0 || matches.is_some() {
                 let Some(frames) = self.frames(&window, is_stale)? else { return Ok(None) };
-                return Ok(Some(Window { is_pending, is_missed, frames, ..window }));
+                return Ok(Some(Window { frames, is_pending, is_missed, ..window }));
             }
             span = span.saturating_mul(8);
         }
