@@ -175,6 +175,15 @@ impl BusFile {
         self.placed(|settings| &settings.devices)
     }
 
+    /// Numbers of the rules of devices: profile, rule, key, value.
+    pub fn device_tolerances(&self) -> impl Iterator<Item = (&str, &str, &str, f64)> {
+        let rules = self.judgement.rules.iter();
+        let rules = rules.filter_map(|one| Some((one.rule.split_once(':')?, &one.tolerances)));
+        rules.flat_map(|((profile, rule), all)| {
+            all.iter().map(move |(key, _, value)| (profile, rule, key.as_str(), *value))
+        })
+    }
+
     /// EDS, DCF and XDD files of nodes, alike.
     pub fn device_files(&self) -> impl Iterator<Item = (Option<&str>, NodeId, &str)> {
         self.placed(|settings| &settings.device_files)

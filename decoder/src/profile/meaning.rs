@@ -166,6 +166,24 @@ impl Meaning {
         outside_range || outside_limits
     }
 
+    /// Between which raw numbers no value lies outside; `None` where that is not told by their ends.
+    pub fn inside(&self) -> Option<[i64; 2]> {
+        let [mut least, mut most] = self.range.unwrap_or([i64::MIN, i64::MAX]);
+        if let Some([low, high]) = self.limits {
+            let (factor, offset) = self.scale.map_or((1.0, 0.0), |scale| (scale.factor, scale.offset));
+            let ends = [low, high].map(|limit| (limit - offset) / factor);
+            if !ends.iter().all(|end| end.is_finite()) {
+                return None;
+            }
+            #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+            let [low, high] = [ends[0].min(ends[1]).ceil() as i64, ends[0].max(ends[1]).floor() as i64];
+            (least, most) = (least.max(low), most.min(high));
+        }
+        // A quantity rises or falls with its number: what holds at both ends holds between them.
+        let is_right = |number| !self.is_outside(&Value::Integer(number));
+        (least <= most && is_right(least) && is_right(most)).then_some([least, most])
+    }
+
     /// The value as people write it: `157.5 bar`, `CAN bus`, `80000185h`, `pressure control`.
     pub fn show(&self, value: &Value) -> String {
         if let Some(label) = self.label(value) {

@@ -63,6 +63,8 @@ pub enum Action {
     ToMark,
     /// Stay here, or follow what comes.
     Pause,
+    /// Begin a selection here, or give it up.
+    Select,
     /// Sort by the selected column.
     Sort,
     /// Highlight what is like the selected.

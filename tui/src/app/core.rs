@@ -9,7 +9,7 @@ use cobscope_decoder::wire::NodeId;
 use regex_lite::Regex;
 
 use crate::theme::{Role, Theme};
-use crate::timeline::{Matcher, Order, Row, Search, Target, Timeline, Window};
+use crate::timeline::{Export, Matcher, Order, Row, Search, Target, Timeline, Window};
 
 /// A node on a bus.
 pub type NodeKey = (BusIndex, NodeId);
@@ -62,8 +62,10 @@ pub struct Core {
     pub node: Option<NodeKey>,
     /// What is said below, and how.
     pub said: Option<(Role, String)>,
-    /// Stays where it is while more comes.
-    pub is_paused: bool,
+    /// Goes to the end as more comes.
+    pub is_following: bool,
+    /// Where a selection of frames begins; it ends at the cursor.
+    pub selection: Option<u64>,
     /// Rows a pane has room for.
     pub height: u16,
     /// Columns it has.
@@ -71,6 +73,10 @@ pub struct Core {
     serial: u64,
     target: Target,
     is_waiting: bool,
+    /// Exports whose end was not told yet.
+    exports: usize,
+    /// Frames there were when the end was gone to.
+    followed: u64,
 }
 
 impl Core {
@@ -87,12 +93,15 @@ impl Core {
             marks: BTreeMap::new(),
             node: None,
             said: None,
-            is_paused: true,
+            is_following: false,
+            selection: None,
             height: 24,
             width: 80,
             serial: 0,
             target: Target::Spot(Spot::default()),
             is_waiting: false,
+            exports: 0,
+            followed: 0,
         }
     }
 
@@ -169,7 +178,41 @@ impl Core {
 
     /// Whether an answer is on its way.
     pub fn is_waiting(&self) -> bool {
-        self.is_waiting
+        self.is_waiting || self.exports > 0
+    }
+
+    /// Goes on to the end where that is followed.
+    pub fn follow(&mut self) {
+        let frames = self.timeline.progress().frames();
+        if self.is_following && !self.is_waiting && frames > self.followed {
+            self.followed = frames;
+            self.go(Place::End);
+        }
+    }
+
+    /// First and last frame selected.
+    pub fn selected_frames(&self) -> Option<(u64, u64)> {
+        let start = self.selection?;
+        let here = self.cursor.frame.min(self.timeline.progress().frames());
+        Some((start.min(here), start.max(here)))
+    }
+
+    /// Writes what is selected, else everything, to a file.
+    pub fn export(&mut self, path: &str) {
+        let (first, last) = self.selected_frames().unwrap_or((0, u64::MAX));
+        let matcher = self.matcher.clone();
+        self.exports += 1;
+        self.timeline.export(Export { path: path.into(), first, last, matcher });
+        self.say("writing …");
+    }
+
+    /// An export ended.
+    pub fn exported(&mut self, told: Result<String, String>) {
+        self.exports = self.exports.saturating_sub(1);
+        match told {
+            Ok(text) => self.say(&text),
+            Err(text) => self.refuse(&text),
+        }
     }
 
     /// Whether the place wanted is not read yet.

@@ -63,6 +63,7 @@ enum Asking {
     Filter,
     Search,
     GoTo,
+    Export,
 }
 
 impl App {
@@ -70,6 +71,7 @@ impl App {
     pub fn news(&mut self, news: News) {
         match news {
             News::Window(window) => self.core.answer(*window),
+            News::Exported(told) => self.core.exported(told),
             News::Failed(text) => self.core.refuse(&text),
             News::Filtered => self.core.refresh(),
             News::Indexed if self.core.is_pending() => self.core.refresh(),
@@ -82,6 +84,11 @@ impl App {
         for pane in self.panes.all_mut() {
             pane.refresh(&self.core);
         }
+    }
+
+    /// Time passed: follows what comes, if that is wanted.
+    pub fn tick(&mut self) {
+        self.core.follow();
     }
 
     /// What the terminal is to do, besides drawing.

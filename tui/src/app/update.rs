@@ -9,7 +9,7 @@ use super::{Action, App, Asking, Effect, Mode, PaneId, Place, Sought, view};
 use crate::keymap;
 use crate::select::Bound;
 use crate::theme::{Depth, Palette};
-use crate::timeline::Matcher;
+use crate::timeline::{Export, Matcher};
 use crate::widgets::prompt::{Prompt, PromptEvent};
 
 /// What the terminal is to do.
@@ -116,6 +116,9 @@ impl App {
             Action::Filter => self.ask(Asking::Filter, "filter"),
             Action::Search => self.ask(Asking::Search, "search"),
             Action::GoTo => self.ask(Asking::GoTo, "go to"),
+            Action::Export => self.ask(Asking::Export, "write to"),
+            Action::Select => self.select(),
+            Action::Pause => self.pause(),
             Action::SearchNext => self.core.search(false),
             Action::SearchPrevious => self.core.search(true),
             Action::NextFinding => self.finding(true),
@@ -145,6 +148,23 @@ impl App {
             Action::Back => self.back(),
             _ => self.pass(action),
         }
+    }
+
+    fn select(&mut self) {
+        self.core.selection = match self.core.selection {
+            Some(_) => None,
+            None => Some(self.core.cursor.frame),
+        };
+        match self.core.selection {
+            Some(frame) => self.core.say(&format!("selected from #{frame} to the cursor; w writes it")),
+            None => self.core.say("nothing is selected"),
+        }
+    }
+
+    fn pause(&mut self) {
+        self.core.is_following = !self.core.is_following;
+        self.core.say(if self.core.is_following { "following what comes" } else { "staying here" });
+        self.core.follow();
     }
 
     /// Lets the pane do it.
@@ -237,6 +257,9 @@ impl App {
                     prompt.clear_error();
                 }
             }
+            PromptEvent::Submitted if text.trim().is_empty() && asking != Asking::Filter => {
+                self.mode = Mode::Panes;
+            }
             PromptEvent::Submitted => match check(asking, &text) {
                 Err((offset, reason)) => prompt.set_error(offset, reason),
                 Ok(()) => {
@@ -272,6 +295,7 @@ impl App {
                 },
                 None => {}
             },
+            Asking::Export => self.core.export(text),
         }
         self.refresh_panes();
     }
@@ -370,6 +394,13 @@ fn check(asking: Asking, text: &str) -> Result<(), (usize, String)> {
             Err(error) => Err((error.at().start, error.reason().to_owned())),
         },
         Asking::Search => pattern(text).map(|_| ()).map_err(|error| (0, error)),
+        Asking::Export => {
+            let suffix = text.rsplit_once('.').map_or("", |(_, suffix)| suffix);
+            let is_known = Export::suffixes().any(|(known, _)| known == suffix);
+            let known: Vec<_> =
+                Export::suffixes().map(|(known, title)| format!(".{known} {title}")).collect();
+            if is_known { Ok(()) } else { Err((text.len(), known.join(", "))) }
+        }
         Asking::GoTo => {
             let expected =
                 "expected 12.5 (seconds), #1234 (frame), -0.05 or +0.05 (from here), or a date and time";

@@ -98,6 +98,12 @@ impl App {
             let share = if is_all { format!("{share} %") } else { "what comes".into() };
             right = format!("indexing {share}  {right}");
         }
+        if let Some((first, last)) = core.selected_frames() {
+            right = format!("selected #{first} to #{last}  {right}");
+        }
+        if core.is_following {
+            right = format!("following  {right}");
+        }
         if core.is_pending() {
             right = format!("state pending  {right}");
         }

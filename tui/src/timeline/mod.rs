@@ -10,6 +10,7 @@
 //!
 //! Each is a thread; what they find lies in [`Shared`], and a piece of [`News`] says that it changed.
 
+mod export;
 mod index;
 mod load;
 mod matches;
@@ -33,6 +34,7 @@ use cobscope_decoder::replay::World;
 use cobscope_decoder::rules::Setup;
 use cobscope_decoder::session::SessionOptions;
 
+pub use export::Export;
 pub use load::{LoadOverTime, Step};
 pub use matches::{Matcher, Matches};
 pub use row::Row;
@@ -59,6 +61,8 @@ pub enum News {
     Traced,
     /// The answer to an order.
     Window(Box<Window>),
+    /// An export ended: what was written, or why it was not.
+    Exported(Result<String, String>),
     /// An order that cannot be answered, and why.
     Failed(String),
 }
@@ -127,6 +131,16 @@ impl Timeline {
         drop(current);
         let told = spawn("matches", &self.shared, &self.news, move |shared, news| {
             matches::run(shared, &matches, news);
+        });
+        if let Err(error) = told {
+            let _ = self.news.send(News::Failed(format!("{error:#}")));
+        }
+    }
+
+    /// Writes a part of the captures to a file; what came of it is told.
+    pub fn export(&self, export: Export) {
+        let told = spawn("export", &self.shared, &self.news, move |shared, news| {
+            export::run(shared, &export, news);
         });
         if let Err(error) = told {
             let _ = self.news.send(News::Failed(format!("{error:#}")));

@@ -7,7 +7,9 @@ use cobscope_decoder::profile;
 use cobscope_decoder::session::{Bus, Node};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::table::{Align, Table};
-use cobscope_decoder::statistics::{BusStatistics, Distribution, Intervals, NodeStatistics, dtc_of_key};
+use cobscope_decoder::statistics::{
+    BusStatistics, Distribution, Intervals, NodeStatistics, dtc_of_key, span,
+};
 
 use super::{Report, j1939};
 
@@ -64,9 +66,9 @@ fn quality(report: &Report<'_>, text: &mut String) {
         faults.push(format!("{} frames lost by the recorder", quality.lost));
     }
     if quality.clock_steps.0 > 0 {
-        let largest = seconds(quality.clock_steps.1.saturating_neg());
-        faults
-            .push(format!("{} backward steps of the stamps, the largest {largest} s", quality.clock_steps.0));
+        let (steps, largest) = (quality.clock_steps.0, span(quality.clock_steps.1.saturating_neg()));
+        let steps = if steps == 1 { "1 backward step".to_owned() } else { format!("{steps} backward steps") };
+        faults.push(format!("{steps} of the stamps, the largest {largest}"));
     }
     if quality.silences.0 > 0 {
         let longest = seconds(quality.silences.1);
