@@ -39,6 +39,8 @@ const BIT_RATES: std::ops::RangeInclusive<u32> = 1_000..=10_000_000;
 pub struct Settings {
     /// Bits a second.
     pub bit_rate: Option<u32>,
+    /// Name of the NMT master.
+    pub master: Option<String>,
     /// Names of nodes by node.
     pub names: Vec<(NodeId, String)>,
     /// What identifiers mean.
@@ -122,6 +124,11 @@ impl BusFile {
     /// Bit rate of a bus.
     pub fn bit_rate(&self, bus: &str) -> Option<u32> {
         self.of(bus).find_map(|settings| settings.bit_rate)
+    }
+
+    /// Name of the NMT master of a bus.
+    pub fn master<'a>(&'a self, bus: &'a str) -> Option<&'a str> {
+        self.of(bus).find_map(|settings| settings.master.as_deref())
     }
 
     /// Name of a node.
@@ -226,8 +233,10 @@ mod tests {
     fn everything_a_bus_file_can_say() {
         let file = BusFile::parse(
             r#"
+            master = "PC"
             [bus.can0]
             bitrate = 250000
+            master = "PLC"
             [bus.can0.node.0x05]
             name = "pump"
             [node.5]
@@ -258,6 +267,7 @@ mod tests {
         let file = file.unwrap();
         assert_eq!((file.bit_rate("can0"), file.bit_rate("can1")), (Some(250_000), None));
         assert_eq!((file.name("can0", NODE), file.name("can1", NODE)), (Some("pump"), Some("any")));
+        assert_eq!((file.master("can0"), file.master("can1")), (Some("PLC"), Some("PC")));
         let owners: Vec<_> = file.owners("can1").collect();
         assert_eq!(owners[0], (CanId::standard(0x1A0), Owner::Pdo(TPDO1, 5)));
         assert_eq!(owners[1], (CanId::extended(0x1A1), Owner::Sdo(Side::Client, 5)));

@@ -38,7 +38,7 @@ impl Session {
         pty.resize(Size::new(rows, columns)).unwrap();
         let child = command.env("TERM", "xterm-256color").current_dir(workspace()).spawn(pts).unwrap();
         let seen: Shared = Arc::default();
-        seen.0.lock().unwrap().parser = Parser::new(rows, columns, 0);
+        seen.0.lock().unwrap().parser = Parser::new(size(rows), size(columns), 0);
         let pty = Arc::new(pty);
         let (source, sink) = (Arc::clone(&pty), Arc::clone(&seen));
         std::thread::spawn(move || {

@@ -4,6 +4,7 @@ pub mod app;
 mod cli;
 mod cmd;
 mod exit_code;
+mod figures;
 pub mod keymap;
 pub mod panes;
 mod select;

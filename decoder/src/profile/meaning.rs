@@ -201,6 +201,18 @@ impl Meaning {
         }
     }
 
+    /// The same with its sign where it can have either, and a remark where the manual does not permit it.
+    pub fn signed(&self, value: &Value) -> String {
+        let text = self.show(value);
+        let shows = 0.5 / 10_f64.powi(i32::from(self.decimals));
+        let is_positive = self.scaled(value).is_some_and(|quantity| quantity >= shows);
+        let both_ways = self.range.is_some_and(|[least, _]| least < 0)
+            || self.limits.is_some_and(|[least, _]| least < 0.0);
+        let sign = if is_positive && both_ways { "+" } else { "" };
+        let outside = if self.is_outside(value) { " (outside)" } else { "" };
+        format!("{sign}{text}{outside}")
+    }
+
     fn with_unit(&self, number: &str) -> String {
         // "-0.0" reads as a sign that is not there.
         let number = match number.strip_prefix('-') {

@@ -15,12 +15,17 @@ use crate::profile::{Meaning, NothingKnown, Resolver, plain_device};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
-use crate::wire::j1939::Pgn;
+use crate::wire::j1939::{J1939Id, Pgn};
 
 impl Bus {
     /// Name of the interface.
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// Name the user gave to whoever commands its nodes.
+    pub fn master_name(&self) -> Option<&str> {
+        self.options.bus_file.master(&self.name)
     }
 
     /// Index within the capture.
@@ -136,6 +141,25 @@ impl Bus {
         }
     }
 
+    /// The filter that shows the events of an identifier.
+    pub fn filter_of_id(&self, id: CanId) -> String {
+        let service = self.routes.find(id).and_then(|slot| self.routes.slot(slot)).map(|slot| slot.service);
+        let is_believed = self.belief.is_believed();
+        match service {
+            Some(Service::J1939(id)) if !self.j1939.is_doubted() => filter_of_group(id),
+            Some(Service::Nmt) if is_believed => "kind == \"nmt-command\"".to_owned(),
+            Some(Service::Sync) if is_believed => "kind == \"sync\"".to_owned(),
+            Some(Service::Time) if is_believed => "kind == \"time\"".to_owned(),
+            Some(Service::Lss(_)) if is_believed => "kind == \"lss\"".to_owned(),
+            Some(Service::TestMarker) => "kind == \"test-case\"".to_owned(),
+            Some(Service::ErrorControl(node)) if is_believed => {
+                const KINDS: &str = r#""heartbeat", "guard-request", "guard-reply", "boot-up", "nmt-state""#;
+                format!("node == {} && kind in {{{KINDS}, \"node-lost\", \"node-back\"}}", node.number())
+            }
+            _ => format!("can.id == 0x{id}"),
+        }
+    }
+
     /// Why it is not taken for CANopen; `None` where it is, or nothing speaks against it yet.
     pub fn doubt(&self) -> Option<String> {
         (self.belief.standing() == Standing::Doubted).then(|| self.belief.reason())
@@ -220,4 +244,18 @@ impl Bus {
             }
         }
     }
+}
+
+/// Messages of management and transport are events of a kind, with the group they are about.
+fn filter_of_group(id: J1939Id) -> String {
+    let sender = format!("source_address == 0x{:02X}", id.source);
+    let kind = match id.pgn {
+        Pgn::ACKNOWLEDGEMENT => "acknowledgement",
+        Pgn::REQUEST => "j1939-request",
+        Pgn::TP_CM | Pgn::TP_DT | Pgn::ETP_CM | Pgn::ETP_DT => "j1939-transfer",
+        Pgn::ADDRESS_CLAIMED => "address-claim",
+        Pgn::COMMANDED_ADDRESS => "commanded-address",
+        pgn => return format!("pgn == {} && {sender}", pgn.number()),
+    };
+    format!("kind == \"{kind}\" && {sender}")
 }

@@ -79,6 +79,8 @@ pub enum Action {
     SetCursor,
     /// Copy the selected line.
     Copy,
+    /// Copy the command that shows this view again.
+    CopyCommand,
     /// Write what is shown to a file.
     Export,
     /// The next theme.

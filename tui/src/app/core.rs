@@ -108,7 +108,7 @@ impl Core {
     /// Asks for what is at a place.
     pub fn go(&mut self, place: Place) {
         let target = match place {
-            Place::Start => Target::Spot(Spot::before(0)),
+            Place::Start => Target::Spot(Spot::before(1)),
             Place::End => Target::End,
             Place::Spot(spot) => Target::Spot(spot),
             Place::Frame(frame) => Target::Spot(Spot::behind(frame)),
@@ -246,7 +246,7 @@ impl Core {
         let is_event = self.cursor.ordinal != u32::MAX;
         let event =
             self.row().filter(|row| is_event && row.spot == self.cursor).and_then(|row| row.event.time);
-        event.or_else(|| self.world()?.time())
+        event.or_else(|| self.world()?.time()).or_else(|| self.timeline.first())
     }
 
     /// Time of the first frame.

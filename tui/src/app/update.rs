@@ -137,6 +137,7 @@ impl App {
                 Some(line) => self.apply(vec![Effect::Copy(line)]),
                 None => self.core.refuse("nothing is selected"),
             },
+            Action::CopyCommand => self.apply(vec![Effect::Copy(self.command())]),
             Action::Theme => self.next_theme(),
             Action::Clear => {
                 self.core.sought = None;

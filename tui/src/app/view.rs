@@ -115,7 +115,8 @@ impl App {
         let quiet = core.theme.style(Role::Quiet);
         let left = match &core.said {
             Some((role, text)) => Line::styled(text.clone(), core.theme.style(*role)),
-            None => Line::styled(self.command(), quiet),
+            // Of a long command the end is what changes.
+            None => Line::styled(draw::tail(&self.command(), room, &core.theme), quiet),
         };
         draw::line(buf, Rect { width: room, ..area }, &left, draw::Align::Left, &core.theme);
         draw::line(buf, area, &Line::styled(right, quiet), draw::Align::Right, &core.theme);

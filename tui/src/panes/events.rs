@@ -128,7 +128,8 @@ impl Pane for Events {
             Action::Plot => super::signals::plot(core),
             Action::Open => core.row().map_or_else(Vec::new, |row| {
                 let node = row.event.node.map(|node| Effect::Node((row.event.bus, node)));
-                node.into_iter().chain([Effect::Show(PaneId::Events)]).collect()
+                let go = Some(Effect::Go(Place::Spot(row.spot))).filter(|_| core.cursor < row.spot);
+                node.into_iter().chain(go).chain([Effect::Show(PaneId::Detail)]).collect()
             }),
             _ => Vec::new(),
         }

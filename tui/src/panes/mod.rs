@@ -1,8 +1,15 @@
 //! The panes: each a file, and a line in the registry below. A pane keeps only what its user did in it; what it
 //! shows comes from [`Core`].
 
+mod common;
+mod detail;
 mod events;
+mod findings;
+mod frames;
+mod nodes;
+mod objects;
 mod signals;
+mod transfers;
 
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
@@ -74,8 +81,14 @@ macro_rules! panes {
 }
 
 panes! {
+    Nodes "nodes" "Nodes" nodes::Nodes::default();
     Events "events" "Events" events::Events::default();
+    Frames "frames" "Frames" frames::Frames::default();
+    Detail "detail" "Detail" detail::Detail::default();
     Signals "signals" "Signals" signals::Signals::default();
+    Transfers "transfers" "Transfers" transfers::Transfers::default();
+    Objects "objects" "Objects" objects::Objects::default();
+    Findings "findings" "Findings" findings::Findings::default();
 }
 
 /// All panes.

@@ -69,6 +69,8 @@ pub struct Opened {
     pub spot: Spot,
     /// When.
     pub time: Option<Timestamp>,
+    /// Bus it is about.
+    pub bus: BusIndex,
     /// Node it is about.
     pub node: Option<NodeId>,
     /// What was found.
@@ -101,8 +103,12 @@ pub struct Exchange {
     pub bus: BusIndex,
     /// Sender and receiver.
     pub who: Box<str>,
+    /// Node it is about.
+    pub node: Option<NodeId>,
     /// Kind in at most six letters.
     pub kind: &'static str,
+    /// The same as filters name it.
+    pub event_kind: &'static str,
     /// What it is about, and what came of it.
     pub what: Box<str>,
     /// Nanoseconds from its first frame to its last.
@@ -192,8 +198,8 @@ impl Surveyor {
                 && kept.0 < MOST_NEWS
             {
                 kept.0 += 1;
-                let (node, finding) = (event.node, (**finding).clone());
-                news.push(Opened { spot: told.spot, time: event.time, node, news: finding });
+                let (bus, node, finding) = (event.bus, event.node, (**finding).clone());
+                news.push(Opened { spot: told.spot, time: event.time, bus, node, news: finding });
             }
         };
         self.engine.event(told.event, told.bus, &mut opened);
@@ -292,7 +298,9 @@ fn exchange(told: &Told<'_>) -> Option<Exchange> {
         frames: event.frames,
         bus: event.bus,
         who: escape(&line.who).into(),
+        node: event.node,
         kind: line.kind,
+        event_kind: event.kind.name(),
         what: escape(&line.what).into(),
         duration,
         size,

@@ -21,7 +21,7 @@ pub fn write(report: &Report, out: &mut String) {
             let text = "not exercised any more: the baseline has it exercised";
             command(out, "error", &place(judged, None), rule, text);
         }
-        for (_, group) in incidents(judged).iter().flat_map(|incident| &incident.groups) {
+        for (_, group) in incidents(judged.telling()).iter().flat_map(|incident| &incident.groups) {
             finding(judged, group, out);
         }
     }
@@ -38,7 +38,7 @@ fn finding(judged: &Judged, group: &Group, out: &mut String) {
         Severity::Note => "notice",
     };
     let place = place(judged, judged.line(group.began()));
-    let lines = [format!("{}  {}", who(group), what(group))].into_iter().chain(notes(group, judged));
+    let lines = [format!("{}  {}", who(group), what(group))].into_iter().chain(notes(group, judged.first));
     // An escaped line end is one again in GitHub's own page.
     let text = lines.map(|line| escape(&line).into_owned()).collect::<Vec<_>>().join("\n");
     command(out, level, &place, &group.rule, &text);

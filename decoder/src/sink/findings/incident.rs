@@ -3,20 +3,19 @@
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::{Judged, Standing};
-use crate::finding::{Cause, Group, Severity};
+use crate::finding::{Cause, Findings, Group, Severity};
 
 /// A finding and what follows from it.
-pub(super) struct Incident<'a> {
+pub struct Incident<'a> {
     /// The worst of them.
-    pub(super) severity: Severity,
+    pub severity: Severity,
     /// The cause first; each with how far down it is told.
-    pub(super) groups: Vec<(usize, &'a Group)>,
+    pub groups: Vec<(usize, &'a Group)>,
 }
 
-/// All that stands for itself, the worst first.
-pub(super) fn incidents(judged: &Judged) -> Vec<Incident<'_>> {
-    let told: BTreeMap<u64, &Group> = judged.telling().map(|group| (group.id, group)).collect();
+/// These findings by cause, the worst first.
+pub fn incidents<'a>(telling: impl Iterator<Item = &'a Group>) -> Vec<Incident<'a>> {
+    let told: BTreeMap<u64, &Group> = telling.map(|group| (group.id, group)).collect();
     let mut effects: BTreeMap<u64, Vec<&Group>> = BTreeMap::new();
     for group in told.values() {
         if let Some(cause) = cause(group, &told) {
@@ -65,9 +64,9 @@ fn below<'a>(
 }
 
 /// Findings the cause of which says the same: how many a group has taken in.
-pub(super) fn absorbed(judged: &Judged) -> BTreeMap<u64, usize> {
+pub fn absorbed(findings: &Findings) -> BTreeMap<u64, usize> {
     let mut counts = BTreeMap::new();
-    let all = judged.findings.groups.iter().filter(|group| judged.standing(group) == Standing::Absorbed);
+    let all = findings.groups.iter().filter(|group| group.is_absorbed && group.suppressed.is_none());
     for group in all {
         if let Some(Cause::Group(id)) = group.cause {
             *counts.entry(id).or_insert(0) += 1;
@@ -104,9 +103,8 @@ mod tests {
     }
 
     fn told(groups: Vec<Group>) -> Vec<Vec<(usize, u64)>> {
-        let mut judged = Judged::default();
-        judged.findings.groups = groups;
-        let all = incidents(&judged);
+        let findings = Findings { groups, ..Findings::default() };
+        let all = incidents(findings.counting());
         all.iter()
             .map(|incident| incident.groups.iter().map(|(depth, group)| (*depth, group.id)).collect())
             .collect()

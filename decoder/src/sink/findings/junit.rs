@@ -34,8 +34,11 @@ fn suite(judged: &Judged, least: Option<Severity>) -> TestSuite {
     if !quality.is_empty() {
         suite.set_system_out(xml_lines(&quality.join("\n")));
     }
-    let told: Vec<&Group> =
-        incidents(judged).into_iter().flat_map(|incident| incident.groups).map(|(_, group)| group).collect();
+    let told: Vec<&Group> = incidents(judged.telling())
+        .into_iter()
+        .flat_map(|incident| incident.groups)
+        .map(|(_, group)| group)
+        .collect();
     for (rule, tally) in judged.rules() {
         let own: Vec<&Group> = told.iter().copied().filter(|group| group.rule == rule.name).collect();
         let is_silent = judged.comparison.silent.iter().any(|silent| **silent == *rule.name);
@@ -80,7 +83,7 @@ fn texts(groups: &[&Group], judged: &Judged) -> String {
     let mut lines = Vec::new();
     for group in groups {
         lines.push(format!("{} {}  {}", group.severity.name(), who(group), what(group)));
-        lines.extend(notes(group, judged).into_iter().map(|note| format!("    {note}")));
+        lines.extend(notes(group, judged.first).into_iter().map(|note| format!("    {note}")));
         if let Some(line) = judged.line(group.began()) {
             lines.push(format!("    {}:{line}", judged.capture));
         }

@@ -9,7 +9,7 @@ pub mod baseline;
 mod conformance;
 mod coverage;
 pub mod github;
-mod incident;
+pub mod incident;
 pub mod jsonl;
 pub mod junit;
 pub mod sarif;
@@ -234,14 +234,14 @@ impl Report {
 }
 
 /// `can0 5/05 pump`.
-fn who(group: &Group) -> String {
+pub fn who(group: &Group) -> String {
     let node = group.key.node.map(NodeId::label);
     let parts = [Some(group.bus.to_string()), node, group.node_name.as_deref().map(str::to_owned)];
     parts.into_iter().flatten().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" ")
 }
 
 /// What is wrong, with what it is about: `1018:01: answered after 300 ms`.
-fn what(group: &Group) -> String {
+pub fn what(group: &Group) -> String {
     let about = group.key.about.to_string();
     if about.is_empty() || group.text.contains(&about) {
         group.text.clone()
@@ -251,7 +251,7 @@ fn what(group: &Group) -> String {
 }
 
 /// `at 1.300 s {12-13}`, `3 times, first 1.300 s {12}, last 9.100 s {500}`.
-fn when(group: &Group, zero: Option<Timestamp>) -> String {
+pub fn when(group: &Group, zero: Option<Timestamp>) -> String {
     let (began, ended) = (moment(group.began(), zero), moment(group.ended(), zero));
     if group.count == 1 {
         return format!("at {began}");
@@ -260,7 +260,7 @@ fn when(group: &Group, zero: Option<Timestamp>) -> String {
 }
 
 /// `1.300 s {12-13}`.
-fn moment(at: Occurrence, zero: Option<Timestamp>) -> String {
+pub fn moment(at: Occurrence, zero: Option<Timestamp>) -> String {
     let frames = at.frames;
     let frames = match (frames.first, frames.last) {
         (_, 0) => String::new(),
@@ -281,15 +281,15 @@ fn seconds(nanoseconds: i64) -> String {
 }
 
 /// `1 error`, `2 errors`.
-fn plural(count: usize, what: &str) -> String {
+pub fn plural(count: usize, what: &str) -> String {
     format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
 /// The lines below the finding: when, the worst, why it is less severe, what explains it.
-fn notes(group: &Group, judged: &Judged) -> Vec<String> {
-    let mut notes = vec![when(group, judged.first)];
+pub fn notes(group: &Group, zero: Option<Timestamp>) -> Vec<String> {
+    let mut notes = vec![when(group, zero)];
     if let Some((_, text, at)) = &group.worst {
-        notes.push(format!("worst {}: {text}", moment(*at, judged.first)));
+        notes.push(format!("worst {}: {text}", moment(*at, zero)));
     }
     if let Some(reason) = &group.downgraded {
         notes.push(format!("less severe: {reason}"));

@@ -152,7 +152,7 @@ fn result(
     has_baseline: bool,
 ) -> SarifResult {
     let standing = judged.standing(group);
-    let lines = [format!("{}  {}", who(group), what(group))].into_iter().chain(notes(group, judged));
+    let lines = [format!("{}  {}", who(group), what(group))].into_iter().chain(notes(group, judged.first));
     let text = lines.map(|line| escape(&line).into_owned()).collect::<Vec<_>>().join("\n");
     let mut related = Vec::new();
     if let Some((_, text, at)) = &group.worst {

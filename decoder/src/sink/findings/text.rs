@@ -111,8 +111,8 @@ impl Page<'_> {
     }
 
     fn incidents(&mut self, judged: &Judged) {
-        let incidents = incidents(judged);
-        let absorbed = absorbed(judged);
+        let incidents = incidents(judged.telling());
+        let absorbed = absorbed(&judged.findings);
         let shown = if self.options.verbose { usize::MAX } else { SHOWN_INCIDENTS };
         for (depth, group) in incidents.iter().take(shown).flat_map(|incident| &incident.groups) {
             self.group(*depth, group, judged, absorbed.get(&group.id).copied().unwrap_or(0));
@@ -132,7 +132,7 @@ impl Page<'_> {
         let gap = if who.is_empty() { "" } else { "  " };
         let text = format!("{who}{gap}{} [{}]", what(group), group.rule);
         self.labelled(depth, label(group.severity), &text);
-        for note in notes(group, judged) {
+        for note in notes(group, judged.first) {
             self.below(depth, &note);
         }
         if absorbed > 0 {

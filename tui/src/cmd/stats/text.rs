@@ -12,6 +12,7 @@ use cobscope_decoder::statistics::{
 };
 
 use super::{Report, j1939};
+use crate::figures::{bits, millis, seconds, tenths};
 
 /// Writes the report of one capture.
 pub fn write(report: &Report<'_>, output: &mut String) {
@@ -332,31 +333,6 @@ fn ids(bus: &Bus, statistics: &BusStatistics, end: Option<i64>, start: i64, text
     if statistics.other_ids > 0 {
         let _ = writeln!(text, " further identifiers: {} frames", statistics.other_ids);
     }
-}
-
-/// A count a second, or bits, with one digit while they are few.
-fn tenths(tenths: u128) -> String {
-    if tenths < 1_000 { format!("{}.{}", tenths / 10, tenths % 10) } else { (tenths / 10).to_string() }
-}
-
-/// Bits as `590 bit` or `48 kbit`.
-fn bits(count: u128) -> String {
-    if count < 10_000 { format!("{count} bit") } else { format!("{} kbit", count / 1000) }
-}
-
-/// Milliseconds with three digits, one from 100 on.
-fn millis(nanoseconds: i64) -> String {
-    let micros = nanoseconds.unsigned_abs() / 1_000;
-    if micros >= 100_000 {
-        format!("{}.{}", micros / 1_000, micros % 1_000 / 100)
-    } else {
-        format!("{}.{:03}", micros / 1_000, micros % 1_000)
-    }
-}
-
-fn seconds(nanoseconds: i64) -> String {
-    let milliseconds = nanoseconds.unsigned_abs() / 1_000_000;
-    format!("{}.{:03}", milliseconds / 1_000, milliseconds % 1_000)
 }
 
 /// Seconds since the first frame.

@@ -1,0 +1,59 @@
+//! Figures as they are written: times, rates, bits.
+//!
+//! ```text
+//! 7.204 (seconds)   99.745 (milliseconds)   29.5 (tenths)   12 kbit   1.6 MB
+//! ```
+
+/// A count of tenths: with one digit behind the point while it is small.
+pub fn tenths(tenths: u128) -> String {
+    if tenths < 1_000 { format!("{}.{}", tenths / 10, tenths % 10) } else { (tenths / 10).to_string() }
+}
+
+/// Bits as `590 bit` or `48 kbit`.
+pub fn bits(count: u128) -> String {
+    if count < 10_000 { format!("{count} bit") } else { format!("{} kbit", count / 1000) }
+}
+
+/// Nanoseconds as milliseconds with three digits behind the point, one from 100 on.
+pub fn millis(nanoseconds: i64) -> String {
+    let micros = nanoseconds.unsigned_abs() / 1_000;
+    if micros >= 100_000 {
+        format!("{}.{}", micros / 1_000, micros % 1_000 / 100)
+    } else {
+        format!("{}.{:03}", micros / 1_000, micros % 1_000)
+    }
+}
+
+/// Nanoseconds as seconds with three digits behind the point, cut.
+pub fn seconds(nanoseconds: i64) -> String {
+    let milliseconds = nanoseconds.unsigned_abs() / 1_000_000;
+    let sign = if nanoseconds < 0 && milliseconds > 0 { "-" } else { "" };
+    format!("{sign}{}.{:03}", milliseconds / 1_000, milliseconds % 1_000)
+}
+
+/// Bytes with a unit, three digits or so.
+pub fn bytes(count: u64) -> String {
+    match count {
+        ..1_000 => format!("{count} B"),
+        1_000..1_000_000 => format!("{} kB", tenths(u128::from(count / 100))),
+        1_000_000..1_000_000_000 => format!("{} MB", tenths(u128::from(count / 100_000))),
+        _ => format!("{} GB", tenths(u128::from(count / 100_000_000))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_have_as_many_digits_as_tell_something() {
+        assert_eq!([tenths(295), tenths(10_990)], ["29.5", "1099"]);
+        assert_eq!([bits(9_999), bits(48_500)], ["9999 bit", "48 kbit"]);
+        assert_eq!([millis(99_745_900), millis(100_049_000)], ["99.745", "100.0"]);
+        assert_eq!(
+            [seconds(7_204_999_999), seconds(-50_000_000), seconds(-999)],
+            ["7.204", "-0.050", "0.000"]
+        );
+        assert_eq!([bytes(999), bytes(12_345), bytes(1_640_000_000)], ["999 B", "12.3 kB", "1.6 GB"]);
+    }
+}

@@ -1,0 +1,346 @@
+//! Findings: what is wrong, by cause, the worst first; below the table all of the selected one.
+//!
+//! ```text
+//! quality  27 error frames
+//! How bad  Node     ×    First   Cursor  Finding
+//! warning  can0     1    4.030   -1.200  ▾ 17 error frames in a second; 10 are too many
+//! error    5/05     1    4.210   -1.020      silent since {129} (heartbeat), was operational
+//! ── error node-lost ────────────────────────────────────────────────
+//! can0 5/05  silent since {129} (heartbeat), was operational
+//!   at 4.210 s {129}
+//! ```
+
+mod detail;
+mod rows;
+
+use std::borrow::Cow;
+use std::collections::BTreeSet;
+
+use cobscope_decoder::finding::Verdict;
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ratatui::style::Style;
+
+use self::rows::{Facts, Item, facts, group, items};
+use super::Pane;
+use super::common::{ahead, bus_name, divider, has_buses, node_filter, severity_role, time};
+use crate::app::{Action, Core, Effect, PaneId, Place};
+use crate::theme::Role;
+use crate::timeline::Survey;
+use crate::widgets::draw;
+use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};
+use crate::widgets::text_lines::TextLines;
+
+/// The findings.
+#[derive(Debug, Default)]
+pub struct Findings {
+    table: TableState,
+    /// The selected finding: rows come and go.
+    selected: Option<u64>,
+    /// Findings whose effects are folded away.
+    folded: BTreeSet<u64>,
+    rows: Vec<Item>,
+    /// What the rows were made of.
+    made: Option<Made>,
+}
+
+/// What rows depend on.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Made {
+    openings: usize,
+    is_complete: bool,
+    folded: usize,
+    sort: Option<(usize, bool)>,
+}
+
+/// Columns, in order.
+fn columns(has_buses: bool) -> Vec<Column> {
+    vec![
+        Column::new("How bad", Width::Fixed(7)).priority(11),
+        Column::new("Bus", Width::Fixed(5)).priority(if has_buses { 9 } else { 0 }),
+        Column::new("Node", Width::Fixed(12)).priority(10),
+        Column::new("×", Width::Fixed(5)).right().priority(8),
+        Column::new("First", Width::Fixed(9)).right().priority(9),
+        Column::new("Last", Width::Fixed(9)).right().priority(3),
+        Column::new("Cursor", Width::Fixed(9)).right().priority(7),
+        Column::new("Rule", Width::Fixed(24)).priority(2),
+        Column::new("About", Width::Fixed(10)).priority(1),
+        Column::new("Finding", Width::Min(28)),
+    ]
+}
+
+/// The column with the tree.
+const TEXT: usize = 9;
+
+/// Lines of height from which the selected finding is told in full.
+const TALL: u16 = 26;
+
+/// Lines of height from which the most important of it is.
+const LOW: u16 = 15;
+
+/// Where what stands.
+struct Parts {
+    quality: Rect,
+    table: Rect,
+    detail: Rect,
+}
+
+/// The selected finding gets what the others leave, and a share in any case.
+fn parts(area: Rect, notes: usize, rows: usize) -> Parts {
+    let least = match area.height {
+        TALL.. => area.height * 2 / 5,
+        LOW.. => 5,
+        _ => 0,
+    };
+    let quality = draw::cells(notes).min((area.height - least) / 3);
+    let room = area.height - quality;
+    let spare = room.saturating_sub(draw::cells(rows.max(1)).saturating_add(2));
+    let detail = if least == 0 { 0 } else { least.max(spare.min(area.height * 3 / 4)) };
+    Parts {
+        quality: Rect { height: quality, ..area },
+        table: Rect { y: area.y + quality, height: room - detail, ..area },
+        detail: Rect { y: area.bottom() - detail, height: detail, ..area },
+    }
+}
+
+impl Findings {
+    fn made(&self, survey: &Survey) -> Made {
+        Made {
+            openings: survey.news.len(),
+            is_complete: survey.findings.is_some(),
+            folded: self.folded.len(),
+            sort: self.table.sort,
+        }
+    }
+
+    /// The rows; those at hand where nothing changed.
+    fn items(&self, survey: &Survey) -> Cow<'_, [Item]> {
+        if self.made.as_ref() == Some(&self.made(survey)) {
+            return Cow::Borrowed(&self.rows);
+        }
+        Cow::Owned(items(survey, &self.folded, self.table.sort))
+    }
+
+    /// Where the selected finding is among the rows.
+    fn at(&self, items: &[Item]) -> usize {
+        let at = self.selected.and_then(|id| items.iter().position(|item| item.id == id));
+        at.unwrap_or(self.table.selected).min(items.len().saturating_sub(1))
+    }
+
+    fn state(&self, items: &[Item]) -> TableState {
+        TableState { selected: self.at(items), ..self.table.clone() }
+    }
+
+    /// The selected finding.
+    fn item(&self, survey: &Survey) -> Option<Item> {
+        let items = self.items(survey);
+        items.get(self.at(&items)).copied()
+    }
+
+    /// Height of the table as it is drawn.
+    fn height(&self, core: &Core, survey: &Survey) -> usize {
+        let notes = detail::quality(core, survey).len();
+        Table::height(parts(Rect::new(0, 0, 80, core.height), notes, self.rows.len()).table)
+    }
+
+    fn moves(&mut self, action: Action, core: &Core, survey: &Survey) {
+        let (len, height) = (self.rows.len(), self.height(core, survey));
+        self.table.selected = self.at(&self.rows);
+        match action {
+            Action::Down => self.table.move_by(1, len),
+            Action::Up => self.table.move_by(-1, len),
+            Action::PageDown => self.table.page(1, height, len),
+            Action::PageUp => self.table.page(-1, height, len),
+            Action::Top => self.table.home(),
+            _ => self.table.end(len),
+        }
+        self.table.settle(height, len);
+        self.selected = self.rows.get(self.table.selected).map(|item| item.id);
+    }
+
+    /// To the first evidence.
+    fn open(&self, core: &Core) -> Vec<Effect> {
+        let survey = core.timeline.survey();
+        let told = self.item(&survey).and_then(|item| Some((item, facts(&survey, &item)?)));
+        drop(survey);
+        let Some((item, facts)) = told else { return Vec::new() };
+        let node = facts.node.map(|node| Effect::Node((facts.bus, node)));
+        let rest = [
+            Effect::Go(Place::Frame(facts.frame)),
+            Effect::Say(core.finding_text(item.id)),
+            Effect::Show(PaneId::Events),
+        ];
+        node.into_iter().chain(rest).collect()
+    }
+
+    fn draw_detail(&self, core: &Core, survey: &Survey, area: Rect, buf: &mut Buffer) {
+        let Some(item) = self.item(survey) else { return };
+        let (title, lines) = match (&survey.findings, group(survey, &item)) {
+            (Some(findings), Some(group)) => {
+                let title = format!("{} {}", group.severity.name(), group.rule);
+                (title, detail::lines(core, findings, group))
+            }
+            _ => match facts(survey, &item) {
+                Some(facts) => {
+                    (format!("{} {}", facts.severity.name(), facts.rule), detail::opening(core, &facts))
+                }
+                None => return,
+            },
+        };
+        divider(&core.theme, Rect { height: 1, ..area }, &title, buf);
+        let below = Rect { y: area.y + 1, height: area.height - 1, ..area };
+        TextLines::new(&core.theme, &lines).render(below, buf);
+    }
+}
+
+impl Pane for Findings {
+    fn render(&self, core: &Core, area: Rect, buf: &mut Buffer) {
+        let survey = core.timeline.survey();
+        let notes = detail::quality(core, &survey);
+        let items = self.items(&survey);
+        let parts = parts(area, notes.len(), items.len());
+        let left_out = notes.len().saturating_sub(usize::from(parts.quality.height));
+        for (y, note) in (parts.quality.top()..parts.quality.bottom()).zip(&notes) {
+            let place = Rect { y, height: 1, ..parts.quality };
+            draw::line(buf, place, note, draw::Align::Left, &core.theme);
+            if left_out > 0 && y + 1 == parts.quality.bottom() {
+                let more = ratatui::text::Line::raw(format!("  and {left_out} more"));
+                draw::line(buf, place, &more, draw::Align::Right, &core.theme);
+            }
+        }
+        let (state, has_buses) = (self.state(&items), has_buses(core));
+        let (columns, empty) = (columns(has_buses), empty(&survey));
+        let row = |index: usize| -> Row<'_> {
+            let item = items.get(index);
+            let told = item.and_then(|item| Some((item, facts(&survey, item)?)));
+            told.map_or_else(Row::default, |(item, facts)| row(core, item, &facts))
+        };
+        let table = Table::new(&core.theme, &columns).row_count(items.len()).rows(row);
+        table.state(&state).tree_column(TEXT).empty(&empty).render(parts.table, buf);
+        if parts.detail.height > 1 {
+            self.draw_detail(core, &survey, parts.detail, buf);
+        }
+    }
+
+    fn act(&mut self, action: Action, core: &Core) -> Vec<Effect> {
+        self.refresh(core);
+        match action {
+            Action::Down | Action::Up | Action::PageDown | Action::PageUp | Action::Top | Action::Bottom => {
+                let survey = core.timeline.survey();
+                self.moves(action, core, &survey);
+            }
+            Action::Left => self.table.move_column(-1, TEXT + 1),
+            Action::Right => self.table.move_column(1, TEXT + 1),
+            Action::Sort => self.table.cycle_sort(),
+            Action::Toggle => {
+                let item = self.rows.get(self.at(&self.rows)).filter(|item| item.open.is_some());
+                let Some(id) = item.map(|item| item.id) else {
+                    return vec![Effect::Refuse("nothing follows from this finding".into())];
+                };
+                if !self.folded.remove(&id) {
+                    self.folded.insert(id);
+                }
+            }
+            Action::Open => return self.open(core),
+            _ => {}
+        }
+        self.refresh(core);
+        Vec::new()
+    }
+
+    fn click(&mut self, x: u16, y: u16, area: Rect, core: &Core) -> Vec<Effect> {
+        self.refresh(core);
+        let survey = core.timeline.survey();
+        let table_area = parts(area, detail::quality(core, &survey).len(), self.rows.len()).table;
+        let columns = columns(has_buses(core));
+        let table = Table::new(&core.theme, &columns).row_count(self.rows.len());
+        if let Some(column) = table.column_at(table_area, x) {
+            self.table.column = column;
+        }
+        if Table::is_title_at(table_area, y) {
+            self.table.cycle_sort();
+        } else if let Some(row) = table.row_at(table_area, y, &self.state(&self.rows)) {
+            self.selected = self.rows.get(row).map(|item| item.id);
+        }
+        Vec::new()
+    }
+
+    fn refresh(&mut self, core: &Core) {
+        let survey = core.timeline.survey();
+        let made = self.made(&survey);
+        if self.made.as_ref() != Some(&made) {
+            self.rows = items(&survey, &self.folded, self.table.sort);
+            self.made = Some(made);
+            self.table.selected = self.at(&self.rows);
+        }
+    }
+
+    fn actions(&self) -> &'static [Action] {
+        &[
+            Action::Open,
+            Action::Toggle,
+            Action::Sort,
+            Action::FilterCell,
+            Action::NextFinding,
+            Action::PreviousFinding,
+            Action::Copy,
+        ]
+    }
+
+    fn filter_of_cell(&self, core: &Core) -> Option<String> {
+        let survey = core.timeline.survey();
+        let facts = facts(&survey, &self.item(&survey)?)?;
+        drop(survey);
+        match facts.node {
+            Some(node) => Some(node_filter(node)),
+            None => Some(format!("bus == {:?}", bus_name(core, facts.bus))),
+        }
+    }
+
+    fn line(&self, core: &Core) -> Option<String> {
+        let survey = core.timeline.survey();
+        let facts = facts(&survey, &self.item(&survey)?)?;
+        drop(survey);
+        let (severity, bus) = (facts.severity.name(), bus_name(core, facts.bus));
+        let (time, frame) = (time(core, facts.began), facts.frame);
+        Some(format!(
+            "{severity} {bus} {} {} [{}] at {time} s {{{frame}}}",
+            facts.who, facts.text, facts.rule
+        ))
+    }
+}
+
+/// What is said where there are no findings.
+fn empty(survey: &Survey) -> String {
+    let Some(findings) = &survey.findings else { return "no findings so far".into() };
+    let used = findings.rules.iter().zip(&findings.tallies).filter(|(rule, _)| rule.is_on);
+    let (none, judged): (Vec<_>, Vec<_>) =
+        used.map(|(_, tally)| tally.verdict()).partition(|verdict| *verdict == Verdict::NotExercised);
+    format!("no findings: {} rules judged this capture, {} had nothing to judge", judged.len(), none.len())
+}
+
+fn row(core: &Core, item: &Item, facts: &Facts) -> Row<'static> {
+    let theme = &core.theme;
+    let (quiet, judged) = (theme.style(Role::Quiet), theme.style(severity_role(facts.severity)));
+    let ahead = ahead(core, facts.began);
+    let ended = if facts.count > 1 { time(core, facts.ended) } else { String::new() };
+    let severity = if facts.is_suppressed { "suppr." } else { facts.severity.name() };
+    let mut cells = vec![
+        Cell::new(severity, judged),
+        Cell::new(bus_name(core, facts.bus), quiet),
+        Cell::from(facts.who.clone()),
+        Cell::new(facts.count.to_string(), Style::new()),
+        Cell::from(time(core, facts.began)),
+        Cell::from(ended),
+        Cell::new(ahead, quiet),
+        Cell::new(facts.rule.clone(), quiet),
+        Cell::from(facts.about.clone()),
+        Cell::new(facts.text.clone(), judged),
+    ];
+    if facts.is_suppressed {
+        for cell in &mut cells {
+            cell.style = quiet;
+        }
+    }
+    Row::new(cells).group(item.depth, item.open)
+}

@@ -1,0 +1,165 @@
+//! Which findings are rows, in which order, and what each says.
+//!
+//! ```text
+//! by cause:  ▾ warning EMCY 8305          sorted:  error   ACTIVE → FAULT HOLD
+//!                ▾ error ACTIVE → FAULT …          warning EMCY 8305
+//! ```
+
+use std::cmp::Ordering;
+use std::collections::BTreeSet;
+
+use cobscope_decoder::finding::{Findings, Group, Severity};
+use cobscope_decoder::frame::{BusIndex, Timestamp};
+use cobscope_decoder::sink::escape;
+use cobscope_decoder::sink::findings::incident::incidents;
+use cobscope_decoder::sink::findings::what;
+use cobscope_decoder::wire::NodeId;
+
+use crate::timeline::{Opened, Survey};
+
+/// One row: a finding by its number, and its place in the tree.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Item {
+    pub(super) id: u64,
+    /// Place among groups, or among those that opened as long as groups are not known.
+    place: usize,
+    pub(super) depth: u8,
+    /// Whether what follows from it is shown; nothing where nothing does.
+    pub(super) open: Option<bool>,
+}
+
+/// What a row says.
+#[derive(Debug)]
+pub(super) struct Facts {
+    pub(super) severity: Severity,
+    pub(super) bus: BusIndex,
+    pub(super) node: Option<NodeId>,
+    /// Node with its name.
+    pub(super) who: String,
+    pub(super) count: u64,
+    pub(super) began: Option<Timestamp>,
+    pub(super) ended: Option<Timestamp>,
+    /// Frame that showed it first.
+    pub(super) frame: u64,
+    pub(super) rule: String,
+    pub(super) about: String,
+    pub(super) text: String,
+    /// The bus file has a reason why it does not count.
+    pub(super) is_suppressed: bool,
+}
+
+/// The rows: by cause and worst first, or by a column and whether descending.
+pub(super) fn items(survey: &Survey, folded: &BTreeSet<u64>, sort: Option<(usize, bool)>) -> Vec<Item> {
+    let mut items = match &survey.findings {
+        Some(findings) => tree(findings, folded, sort.is_some()),
+        None => opened(&survey.news),
+    };
+    if let Some((column, is_descending)) = sort {
+        let mut told: Vec<_> = items.iter().filter_map(|item| Some((facts(survey, item)?, *item))).collect();
+        told.sort_by(|(one, _), (other, _)| {
+            let order = compare(one, other, column);
+            if is_descending { order.reverse() } else { order }
+        });
+        items = told.into_iter().map(|(_, item)| Item { depth: 0, open: None, ..item }).collect();
+    }
+    items
+}
+
+/// What opened so far: each finding once, the worst first.
+fn opened(news: &[Opened]) -> Vec<Item> {
+    let mut seen = BTreeSet::new();
+    let all = news.iter().enumerate();
+    let mut first: Vec<_> = all.filter(|(_, opened)| seen.insert(opened.news.id)).collect();
+    first.sort_by_key(|(_, opened)| std::cmp::Reverse(opened.news.severity));
+    let item = |(place, opened): (usize, &Opened)| Item { id: opened.news.id, place, depth: 0, open: None };
+    first.into_iter().map(item).collect()
+}
+
+/// Each incident with what follows from its cause, and at the end what does not count.
+fn tree(findings: &Findings, folded: &BTreeSet<u64>, is_flat: bool) -> Vec<Item> {
+    let mut items: Vec<Item> = Vec::new();
+    for incident in incidents(findings.counting()) {
+        // What lies deeper than this is folded away.
+        let mut hidden_below = usize::MAX;
+        for (at, (depth, group)) in incident.groups.iter().enumerate() {
+            if *depth > hidden_below {
+                continue;
+            }
+            let has_effects = incident.groups.get(at + 1).is_some_and(|(next, _)| next > depth);
+            let is_folded = has_effects && !is_flat && folded.contains(&group.id);
+            hidden_below = if is_folded { *depth } else { usize::MAX };
+            let depth = u8::try_from(*depth).unwrap_or(u8::MAX);
+            items.push(item(group, depth, has_effects.then_some(!is_folded)));
+        }
+    }
+    let suppressed = findings.groups.iter().filter(|group| group.suppressed.is_some());
+    items.extend(suppressed.map(|group| item(group, 0, None)));
+    items
+}
+
+fn item(group: &Group, depth: u8, open: Option<bool>) -> Item {
+    // Groups are numbered from 1 in their order.
+    let place = usize::try_from(group.id.saturating_sub(1)).unwrap_or(usize::MAX);
+    Item { id: group.id, place, depth, open }
+}
+
+/// The group of a row, once groups are known.
+pub(super) fn group<'a>(survey: &'a Survey, item: &Item) -> Option<&'a Group> {
+    survey.findings.as_ref()?.groups.get(item.place).filter(|group| group.id == item.id)
+}
+
+/// What a row says; texts are escaped.
+pub(super) fn facts(survey: &Survey, item: &Item) -> Option<Facts> {
+    if let Some(group) = group(survey, item) {
+        let label = group.key.node.map(NodeId::label).unwrap_or_default();
+        let name = group.node_name.as_deref().unwrap_or("");
+        return Some(Facts {
+            severity: group.severity,
+            bus: group.key.bus,
+            node: group.key.node,
+            who: escape(format!("{label} {name}").trim()).into_owned(),
+            count: group.count,
+            began: group.began().time,
+            ended: group.ended().time,
+            frame: group.began().frames.last,
+            rule: escape(&group.rule).into_owned(),
+            about: escape(&group.key.about.to_string()).into_owned(),
+            text: escape(&what(group)).into_owned(),
+            is_suppressed: group.suppressed.is_some(),
+        });
+    }
+    let opened = survey.news.get(item.place)?;
+    let news = &opened.news;
+    let about = news.object.map(|object| object.to_string());
+    let about = about.or_else(|| news.pgn.map(|pgn| format!("pgn:{pgn}"))).or_else(|| news.about.clone());
+    Some(Facts {
+        severity: news.severity,
+        bus: opened.bus,
+        node: opened.node,
+        who: opened.node.map(NodeId::label).unwrap_or_default(),
+        count: news.count,
+        began: opened.time,
+        ended: opened.time,
+        frame: opened.spot.frame,
+        rule: escape(&news.rule).into_owned(),
+        about: escape(&about.unwrap_or_default()).into_owned(),
+        text: escape(&news.text).into_owned(),
+        is_suppressed: false,
+    })
+}
+
+/// Order of two rows by a column of [`super::columns`].
+fn compare(one: &Facts, other: &Facts, column: usize) -> Ordering {
+    match column {
+        0 => one.severity.cmp(&other.severity),
+        1 => one.bus.cmp(&other.bus),
+        2 => (one.node, &one.who).cmp(&(other.node, &other.who)),
+        3 => one.count.cmp(&other.count),
+        // The distance to the cursor has the order of the first time.
+        4 | 6 => one.began.cmp(&other.began),
+        5 => one.ended.cmp(&other.ended),
+        7 => one.rule.cmp(&other.rule),
+        8 => one.about.cmp(&other.about),
+        _ => one.text.cmp(&other.text),
+    }
+}

@@ -1,0 +1,425 @@
+//! Frames: a row an identifier, as it is at the cursor: how often it comes, how old it is, which bytes change.
+//!
+//! ```text
+//! ID    What                   Count  ms mean  jitter    Age  Data
+//! 000   NMT                        1                   5.680  01 00
+//! 186   TPDO1 of 6                38   100.0   0.228  ⚠1.930  01 00
+//! 705   heartbeat, guarding of 5  19   200.0   0.300  ⚠2.320  05
+//! 8 identifiers, 154 frames; 27 error frames
+//! ```
+//!
+//! Bytes the last frame changed stand out, those that never changed step back.
+
+use std::cmp::Ordering;
+use std::collections::BTreeMap;
+
+use cobscope_decoder::frame::{BusIndex, CanId};
+use cobscope_decoder::profile::{DataType, Field};
+use cobscope_decoder::replay::World;
+use cobscope_decoder::session::Bus;
+use cobscope_decoder::sink::escape;
+use cobscope_decoder::sink::findings::plural;
+use cobscope_decoder::statistics::{IdentifierRow, Identifiers, MOST_ROWS};
+use cobscope_decoder::wire::j1939::J1939Id;
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ratatui::style::Style;
+use ratatui::text::{Line, Span};
+
+use super::Pane;
+use super::common::has_buses;
+use crate::app::{Action, Core, Effect, PaneId, SignalKey};
+use crate::figures::{millis, seconds};
+use crate::theme::{Glyph, Role};
+use crate::widgets::draw;
+use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};
+
+/// Bus, identifier and whether it is of remote frames: what a row is of.
+type Key = (BusIndex, CanId, bool);
+
+/// The identifiers.
+#[derive(Debug)]
+pub struct Frames {
+    table: TableState,
+    /// The selected row: they change places.
+    selected: Option<Key>,
+    /// A row to be followed.
+    marked: Option<Key>,
+}
+
+impl Default for Frames {
+    fn default() -> Self {
+        let table = TableState { column: ID, ..TableState::default() };
+        Self { table, selected: None, marked: None }
+    }
+}
+
+/// Intervals from which something is taken for regular.
+const REGULAR: u64 = 3;
+
+/// Intervals after which a longer silence than ever tells, however irregular they were.
+const MANY: u64 = 50;
+
+/// Columns with the shortest data; longer payloads need more.
+const WIDE: u16 = 140;
+
+/// Columns, in order.
+fn columns(has_buses: bool, is_j1939: bool, data: u16) -> Vec<Column> {
+    vec![
+        Column::new("Bus", Width::Fixed(5)).priority(if has_buses { 9 } else { 0 }),
+        Column::new("ID", Width::Fixed(if is_j1939 { 9 } else { 5 })),
+        Column::new("PGN", Width::Fixed(6)).right().priority(if is_j1939 { 2 } else { 0 }),
+        Column::new("SA", Width::Fixed(2)).priority(if is_j1939 { 2 } else { 0 }),
+        Column::new("What", Width::Min(18)).priority(11),
+        Column::new("Count", Width::Fixed(7)).right().priority(8),
+        Column::new("ms mean", Width::Fixed(7)).right().priority(7),
+        Column::new("jitter", Width::Fixed(7)).right().priority(6),
+        Column::new("gap", Width::Fixed(7)).right().priority(3),
+        Column::new("Age s", Width::Fixed(8)).right().priority(10),
+        Column::new("DLC", Width::Fixed(3)).right().priority(4),
+        Column::new("Data", Width::Fixed(data)).priority(12),
+        Column::new("ASCII", Width::Fixed(8)).priority(1),
+    ]
+}
+
+const ID: usize = 1;
+const COLUMNS: usize = 13;
+
+fn key(row: &IdentifierRow) -> Key {
+    (row.bus, row.id, row.is_remote)
+}
+
+/// Nanoseconds since its last frame.
+fn age(core: &Core, row: &IdentifierRow) -> Option<i64> {
+    Some(core.world()?.time()?.since(row.last_time?))
+}
+
+/// Whether it should have come again by now.
+fn is_overdue(core: &Core, row: &IdentifierRow) -> bool {
+    let (Some(age), Some(mean)) = (age(core, row), row.intervals.mean()) else { return false };
+    let (longest, count) = (row.intervals.longest().map_or(0, |(length, _)| length), row.intervals.count());
+    let limit = mean.saturating_mul(3);
+    let is_regular = count >= REGULAR && longest <= limit;
+    age > limit && (is_regular || (count >= MANY && age > longest))
+}
+
+fn describe(world: &World, row: &IdentifierRow) -> String {
+    let bus = world.buses().get(usize::from(row.bus.0));
+    let what = bus.map_or(String::new(), |bus| bus.describe_id(row.id));
+    escape(&what).into_owned()
+}
+
+/// Parameter group and source of an identifier of J1939.
+fn group(world: &World, row: &IdentifierRow) -> Option<J1939Id> {
+    let CanId::Extended(id) = row.id else { return None };
+    let is_j1939 = world.buses().get(usize::from(row.bus.0)).is_some_and(Bus::is_j1939);
+    J1939Id::of(id).filter(|_| is_j1939)
+}
+
+/// The rows in their order: by identifier, or by a column and whether descending.
+fn order<'a>(core: &Core, world: &'a World, sort: Option<(usize, bool)>) -> Vec<&'a IdentifierRow> {
+    let mut rows: Vec<_> = world.identifiers().rows().iter().collect();
+    rows.sort_by_key(|row| (row.bus, row.id.number(), key(row)));
+    let Some((column, is_descending)) = sort else { return rows };
+    let mut compare: Box<dyn FnMut(&&IdentifierRow, &&IdentifierRow) -> Ordering> = match column {
+        0 => Box::new(|one, other| one.bus.cmp(&other.bus)),
+        ID => Box::new(|one, other| one.id.number().cmp(&other.id.number())),
+        2 | 3 => {
+            let part = move |row: &IdentifierRow| {
+                group(world, row).map(|id| if column == 2 { id.pgn.number() } else { u32::from(id.source) })
+            };
+            Box::new(move |one, other| part(one).cmp(&part(other)))
+        }
+        4 => {
+            let names: BTreeMap<Key, String> =
+                rows.iter().map(|row| (key(row), describe(world, row))).collect();
+            Box::new(move |one, other| names.get(&key(one)).cmp(&names.get(&key(other))))
+        }
+        5 => Box::new(|one, other| one.count.cmp(&other.count)),
+        6 => Box::new(|one, other| one.intervals.mean().cmp(&other.intervals.mean())),
+        7 => Box::new(|one, other| one.intervals.jitter().cmp(&other.intervals.jitter())),
+        8 => Box::new(|one, other| one.last_gap.cmp(&other.last_gap)),
+        9 => Box::new(|one, other| age(core, one).cmp(&age(core, other))),
+        10 => Box::new(|one, other| one.payload().len().cmp(&other.payload().len())),
+        _ => Box::new(|one, other| one.payload().cmp(other.payload())),
+    };
+    rows.sort_by(|one, other| if is_descending { compare(other, one) } else { compare(one, other) });
+    rows
+}
+
+/// Width of the data: of the longest payload, where there is room for more than eight bytes.
+fn data_width(identifiers: &Identifiers, area: Rect) -> u16 {
+    let longest = identifiers.rows().iter().map(|row| row.payload().len()).max().unwrap_or(0).max(8);
+    let most = if area.width >= WIDE { area.width - 100 } else { 23 };
+    draw::cells(longest * 3 - 1).min(most)
+}
+
+impl Frames {
+    fn at(&self, rows: &[&IdentifierRow]) -> usize {
+        let at = self.selected.and_then(|wanted| rows.iter().position(|row| key(row) == wanted));
+        at.unwrap_or(self.table.selected).min(rows.len().saturating_sub(1))
+    }
+
+    fn row<'a>(&self, core: &Core, world: &'a World) -> Option<&'a IdentifierRow> {
+        let rows = order(core, world, self.table.sort);
+        rows.get(self.at(&rows)).copied()
+    }
+
+    fn moves(&mut self, action: Action, core: &Core, world: &World) {
+        let rows = order(core, world, self.table.sort);
+        let (len, height) = (rows.len(), usize::from(core.height).saturating_sub(2));
+        self.table.selected = self.at(&rows);
+        match action {
+            Action::Down => self.table.move_by(1, len),
+            Action::Up => self.table.move_by(-1, len),
+            Action::PageDown => self.table.page(1, height, len),
+            Action::PageUp => self.table.page(-1, height, len),
+            Action::Top => self.table.home(),
+            _ => self.table.end(len),
+        }
+        self.table.settle(height, len);
+        self.selected = rows.get(self.table.selected).map(|row| key(row));
+    }
+
+    fn columns(core: &Core, world: &World, area: Rect) -> Vec<Column> {
+        let is_j1939 = world.identifiers().rows().iter().any(|row| matches!(row.id, CanId::Extended(_)));
+        columns(has_buses(core), is_j1939, data_width(world.identifiers(), area))
+    }
+
+    fn draw_row(&self, core: &Core, world: &World, row: &IdentifierRow, width: u16) -> Row<'static> {
+        let theme = &core.theme;
+        let quiet = theme.style(Role::Quiet);
+        let bus = world.buses().get(usize::from(row.bus.0)).map_or("", |bus| bus.name());
+        let group = group(world, row);
+        let figure = |value: Option<i64>| value.map(short).unwrap_or_default();
+        let age = age(core, row).map(seconds).unwrap_or_default();
+        let age = if is_overdue(core, row) {
+            Cell::new(format!("{}{age}", theme.glyph(Glyph::Warning)), theme.style(Role::Caution))
+        } else {
+            Cell::from(age)
+        };
+        let id = if row.is_remote { format!("{}R", row.id) } else { row.id.to_string() };
+        let cells = Row::new([
+            Cell::new(escape(bus).into_owned(), quiet),
+            Cell::from(id),
+            Cell::from(group.map(|id| format!("{:05X}", id.pgn.number())).unwrap_or_default()),
+            Cell::from(group.map(|id| format!("{:02X}", id.source)).unwrap_or_default()),
+            Cell::from(describe(world, row)),
+            Cell::from(row.count.to_string()),
+            Cell::from(figure(row.intervals.mean())),
+            Cell::new(figure(row.intervals.jitter()), quiet),
+            Cell::new(figure(row.last_gap), quiet),
+            age,
+            Cell::new(row.payload().len().to_string(), quiet),
+            Cell::from(data(core, row, width)),
+            Cell::new(ascii(row), quiet),
+        ]);
+        let is_marked = self.marked == Some(key(row));
+        cells.style(if is_marked { theme.style(Role::Highlight(1)) } else { Style::new() })
+    }
+
+    /// Plots all numbers of the selected row.
+    fn plot(row: &IdentifierRow) -> Vec<Effect> {
+        let Some(layout) = &row.layout else {
+            return vec![Effect::Refuse(format!("what the bits of {} mean is not known", row.id))];
+        };
+        let fields = layout.fields.iter().enumerate().filter(|(_, field)| is_number(field));
+        let plot = |(place, field): (usize, &Field)| {
+            let meaning = field.meaning.as_deref();
+            let name = meaning.map_or_else(|| field.id.to_string(), |meaning| meaning.name.clone());
+            Effect::Plot(SignalKey {
+                bus: row.bus,
+                id: row.id,
+                field: place,
+                name: escape(&name).into_owned(),
+                unit: meaning.map_or(String::new(), |meaning| escape(&meaning.unit).into_owned()),
+                layout: layout.clone(),
+            })
+        };
+        let mut effects: Vec<Effect> = fields.map(plot).collect();
+        let said = format!("{} of {}", plural(effects.len(), "signal"), row.id);
+        effects.push(if effects.is_empty() { Effect::Refuse(said) } else { Effect::Say(said) });
+        effects
+    }
+}
+
+/// Whether a field is a quantity: neither text, a state nor single bits.
+fn is_number(field: &Field) -> bool {
+    use DataType::{Boolean, Domain, OctetString, TimeDifference, TimeOfDay, UnicodeString, VisibleString};
+    let is_kind = !matches!(
+        field.data_type,
+        Boolean | Domain | OctetString | TimeDifference | TimeOfDay | UnicodeString | VisibleString
+    );
+    let is_coded =
+        field.meaning.as_deref().is_some_and(|meaning| meaning.values.is_some() || meaning.bits.is_some());
+    is_kind && !is_coded
+}
+
+/// Milliseconds in seven columns.
+fn short(nanoseconds: i64) -> String {
+    let text = millis(nanoseconds);
+    if text.len() <= 7 { text } else { text.split('.').next().unwrap_or_default().to_owned() }
+}
+
+/// Bytes of the last frame: those it changed, those that changed before, and those that never did.
+fn data(core: &Core, row: &IdentifierRow, width: u16) -> Line<'static> {
+    if row.is_remote {
+        return Line::styled("remote", core.theme.style(Role::Quiet));
+    }
+    let room = usize::from(width.saturating_add(1) / 3);
+    let payload = row.payload();
+    let shown = if payload.len() > room { room.saturating_sub(1) } else { payload.len() };
+    let mut spans = Vec::new();
+    for (at, byte) in payload.iter().take(shown).enumerate() {
+        let is_in = |bits: u64| bits >> at.min(63) & 1 == 1;
+        let role = match () {
+            () if is_in(row.changed) => Role::Changed,
+            () if is_in(row.ever_changed) => Role::Text,
+            () => Role::Quiet,
+        };
+        if at > 0 {
+            spans.push(Span::raw(" "));
+        }
+        spans.push(Span::styled(format!("{byte:02X}"), core.theme.style(role)));
+    }
+    if shown < payload.len() {
+        spans.push(Span::raw(format!(" {}", core.theme.glyph(Glyph::Ellipsis))));
+    }
+    Line::from(spans)
+}
+
+/// Printable characters, with dots for all others.
+fn ascii(row: &IdentifierRow) -> String {
+    let shown = |byte: &u8| if byte.is_ascii_graphic() || *byte == b' ' { char::from(*byte) } else { '.' };
+    row.payload().iter().take(8).map(shown).collect()
+}
+
+/// The line below the table.
+fn total(core: &Core, world: &World) -> Line<'static> {
+    let identifiers = world.identifiers();
+    let theme = &core.theme;
+    let rows = identifiers.rows();
+    let frames: u64 = rows.iter().map(|row| row.count).sum();
+    let mut spans = vec![Span::styled(
+        format!("{}, {frames} frames up to the cursor", plural(rows.len(), "identifier")),
+        theme.style(Role::Quiet),
+    )];
+    let mut add = |count: u64, text: String, role: Role| {
+        if count > 0 {
+            spans.push(Span::styled(format!("; {text}"), theme.style(role)));
+        }
+    };
+    let overdue = rows.iter().filter(|row| is_overdue(core, row)).count() as u64;
+    add(overdue, format!("{overdue} overdue"), Role::Caution);
+    let errors = world.counts().errors;
+    add(errors, format!("{errors} error frames"), Role::Bad);
+    let others = identifiers.others();
+    add(others, format!("{others} frames of identifiers beyond the first {MOST_ROWS}"), Role::Caution);
+    Line::from(spans)
+}
+
+impl Pane for Frames {
+    fn render(&self, core: &Core, area: Rect, buf: &mut Buffer) {
+        let Some(world) = core.world() else {
+            let text = Line::styled("reading …", core.theme.style(Role::Quiet));
+            return draw::line(buf, area, &text, draw::Align::Left, &core.theme);
+        };
+        let inside = Rect { height: area.height.saturating_sub(1), ..area };
+        let rows = order(core, world, self.table.sort);
+        let columns = Self::columns(core, world, area);
+        let width = data_width(world.identifiers(), area);
+        let state = TableState { selected: self.at(&rows), ..self.table.clone() };
+        let row = |index: usize| -> Row<'_> {
+            rows.get(index).map_or_else(Row::default, |row| self.draw_row(core, world, row, width))
+        };
+        let table = Table::new(&core.theme, &columns).row_count(rows.len()).rows(row).state(&state);
+        table.empty("no frame up to the cursor").render(inside, buf);
+        let below = Rect { y: inside.bottom(), height: area.height - inside.height, ..area };
+        draw::line(buf, below, &total(core, world), draw::Align::Left, &core.theme);
+    }
+
+    fn act(&mut self, action: Action, core: &Core) -> Vec<Effect> {
+        let Some(world) = core.world() else { return Vec::new() };
+        match action {
+            Action::Down | Action::Up | Action::PageDown | Action::PageUp | Action::Top | Action::Bottom => {
+                self.moves(action, core, world);
+            }
+            Action::Left => self.table.move_column(-1, COLUMNS),
+            Action::Right => self.table.move_column(1, COLUMNS),
+            Action::Sort => {
+                self.selected = self.row(core, world).map(key);
+                self.table.cycle_sort();
+            }
+            Action::Highlight => {
+                let row = self.row(core, world).map(key);
+                self.marked = if self.marked == row { None } else { row };
+            }
+            Action::Clear => self.marked = None,
+            Action::Plot => return self.row(core, world).map_or_else(Vec::new, Self::plot),
+            Action::Open => {
+                let Some(row) = self.row(core, world) else { return Vec::new() };
+                let Some(bus) = world.buses().get(usize::from(row.bus.0)) else { return Vec::new() };
+                let node = row.node.map(|node| Effect::Node((row.bus, node)));
+                let said = format!("events of {}; v shows repetitions too", row.id);
+                let rest =
+                    [Effect::Filter(filter(core, bus, row)), Effect::Say(said), Effect::Show(PaneId::Events)];
+                return node.into_iter().chain(rest).collect();
+            }
+            _ => {}
+        }
+        Vec::new()
+    }
+
+    fn click(&mut self, x: u16, y: u16, area: Rect, core: &Core) -> Vec<Effect> {
+        let Some(world) = core.world() else { return Vec::new() };
+        let inside = Rect { height: area.height.saturating_sub(1), ..area };
+        let rows = order(core, world, self.table.sort);
+        let columns = Self::columns(core, world, area);
+        let table = Table::new(&core.theme, &columns).row_count(rows.len());
+        if let Some(column) = table.column_at(inside, x) {
+            self.table.column = column;
+        }
+        let state = TableState { selected: self.at(&rows), ..self.table.clone() };
+        if Table::is_title_at(inside, y) {
+            self.table.cycle_sort();
+        } else if let Some(row) = table.row_at(inside, y, &state).and_then(|row| rows.get(row)) {
+            self.selected = Some(key(row));
+        }
+        Vec::new()
+    }
+
+    fn actions(&self) -> &'static [Action] {
+        &[
+            Action::Open,
+            Action::Sort,
+            Action::Highlight,
+            Action::Plot,
+            Action::FilterCell,
+            Action::GoTo,
+            Action::NextFinding,
+        ]
+    }
+
+    fn filter_of_cell(&self, core: &Core) -> Option<String> {
+        let world = core.world()?;
+        let row = self.row(core, world)?;
+        let bus = world.buses().get(usize::from(row.bus.0))?;
+        Some(match self.table.column {
+            0 => format!("bus == {:?}", bus.name()),
+            _ => filter(core, bus, row),
+        })
+    }
+
+    fn line(&self, core: &Core) -> Option<String> {
+        let world = core.world()?;
+        let row = self.row(core, world)?;
+        let data: Vec<String> = row.payload().iter().map(|byte| format!("{byte:02X}")).collect();
+        Some(format!("{} {} {} frames, last {}", row.id, describe(world, row), row.count, data.join(" ")))
+    }
+}
+
+/// The filter of a row's events.
+fn filter(core: &Core, bus: &Bus, row: &IdentifierRow) -> String {
+    let filter = bus.filter_of_id(row.id);
+    if has_buses(core) { format!("bus == {:?} && {filter}", bus.name()) } else { filter }
+}

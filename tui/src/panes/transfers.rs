@@ -1,0 +1,381 @@
+//! Transfers: what belongs together as one line, with how long it took and how it ended. The one that ended last
+//! before the cursor is selected.
+//!
+//! ```text
+//! 5 transfers, 1 aborted, 1 timed out
+//! No     Time       ms Who        Kind   What                        Size Outcome
+//!  6    0.212    2.022 client→6   SDO w  1017:00 … = 200 ms ok          2 complete
+//! 31    1.300  300.000 client→5   SDO r  1018:01 ABORTED 06020000       0 aborted
+//! ```
+
+use std::borrow::Cow;
+use std::cmp::Ordering;
+
+use cobscope_decoder::sink::findings::plural;
+use cobscope_decoder::statistics::Distribution;
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ratatui::text::{Line, Span};
+
+use super::Pane;
+use super::common::{bus_name, divider, has_buses, node_filter, time};
+use crate::app::{Action, Core, Effect, PaneId, Place, role_of};
+use crate::figures::millis;
+use crate::theme::Role;
+use crate::timeline::{Exchange, MOST_EXCHANGES, Survey};
+use crate::widgets::draw;
+use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};
+use crate::widgets::text_lines::TextLines;
+
+/// The transfers.
+#[derive(Debug, Default)]
+pub struct Transfers {
+    table: TableState,
+    /// Places of exchanges in the order of rows, where that is not their own.
+    order: Vec<usize>,
+    /// How many there were then, and by what they are sorted.
+    made: (usize, Option<(usize, bool)>),
+    counts: Counts,
+}
+
+/// How many ended how.
+#[derive(Debug, Clone, Copy, Default)]
+struct Counts {
+    seen: usize,
+    aborted: usize,
+    timed_out: usize,
+    other: usize,
+}
+
+impl Counts {
+    fn add(&mut self, exchanges: &[Exchange]) {
+        for exchange in exchanges.get(self.seen..).unwrap_or_default() {
+            match exchange.outcome {
+                "complete" | "positive" => {}
+                "aborted" | "negative" => self.aborted += 1,
+                "timeout" | "no-answer" => self.timed_out += 1,
+                _ => self.other += 1,
+            }
+        }
+        self.seen = exchanges.len();
+    }
+}
+
+/// Columns, in order.
+fn columns(has_buses: bool) -> Vec<Column> {
+    vec![
+        Column::new("No", Width::Fixed(7)).right().priority(5),
+        Column::new("Time", Width::Fixed(9)).right(),
+        Column::new("ms", Width::Fixed(8)).right().priority(10),
+        Column::new("Bus", Width::Fixed(5)).priority(if has_buses { 8 } else { 0 }),
+        Column::new("Who", Width::Fixed(12)).priority(9),
+        Column::new("Kind", Width::Fixed(6)).priority(7),
+        Column::new("What", Width::Min(28)),
+        Column::new("Size", Width::Fixed(7)).right().priority(3),
+        Column::new("Outcome", Width::Fixed(11)).priority(6),
+    ]
+}
+
+/// Lines for the selected transfer, and the height from which on it has them.
+const DETAIL: u16 = 4;
+const LOW: u16 = 14;
+
+/// Where what stands.
+struct Parts {
+    summary: Rect,
+    table: Rect,
+    detail: Rect,
+}
+
+const DURATION: usize = 2;
+const OUTCOME: usize = 8;
+
+/// Order of two by a column.
+fn compare(one: &Exchange, other: &Exchange, column: usize) -> Ordering {
+    match column {
+        0 | 1 => one.spot.cmp(&other.spot),
+        DURATION => one.duration.cmp(&other.duration),
+        3 => one.bus.cmp(&other.bus),
+        4 => one.who.cmp(&other.who),
+        5 => one.kind.cmp(other.kind),
+        6 => one.what.cmp(&other.what),
+        7 => one.size.cmp(&other.size),
+        _ => one.outcome.cmp(other.outcome),
+    }
+}
+
+impl Transfers {
+    /// Places in the order of rows; nothing where that is the order of time.
+    fn order(&self, survey: &Survey) -> Option<Cow<'_, [usize]>> {
+        let sort = self.table.sort?;
+        let exchanges = &survey.exchanges;
+        if self.made == (exchanges.len(), Some(sort)) {
+            return Some(Cow::Borrowed(&self.order));
+        }
+        let mut order: Vec<usize> = (0..exchanges.len()).collect();
+        order.sort_by(|one, other| match (exchanges.get(*one), exchanges.get(*other)) {
+            (Some(one), Some(other)) if sort.1 => compare(other, one, sort.0),
+            (Some(one), Some(other)) => compare(one, other, sort.0),
+            _ => Ordering::Equal,
+        });
+        Some(Cow::Owned(order))
+    }
+
+    /// The exchange of a row.
+    fn exchange<'a>(order: Option<&[usize]>, survey: &'a Survey, row: usize) -> Option<&'a Exchange> {
+        let place = match order {
+            Some(order) => *order.get(row)?,
+            None => row,
+        };
+        survey.exchanges.get(place)
+    }
+
+    /// Row of the exchange that ended last before the cursor.
+    fn selected(core: &Core, survey: &Survey, order: Option<&[usize]>) -> Option<usize> {
+        let place =
+            survey.exchanges.partition_point(|exchange| exchange.spot <= core.cursor).checked_sub(1)?;
+        match order {
+            Some(order) => order.iter().position(|other| *other == place),
+            None => Some(place),
+        }
+    }
+
+    fn current<'a>(&self, core: &Core, survey: &'a Survey) -> Option<&'a Exchange> {
+        let order = self.order(survey);
+        let row = Self::selected(core, survey, order.as_deref())?;
+        Self::exchange(order.as_deref(), survey, row)
+    }
+
+    /// Lines above the table.
+    fn summary(&self, core: &Core, survey: &Survey) -> Vec<Line<'static>> {
+        let theme = &core.theme;
+        let mut counts = self.counts;
+        counts.add(&survey.exchanges);
+        let wrong = |count: usize, what: &str| {
+            let role = if count > 0 { Role::Bad } else { Role::Quiet };
+            Span::styled(format!(", {count} {what}"), theme.style(role))
+        };
+        let so_far = if survey.is_complete { "" } else { " so far" };
+        let mut spans = vec![
+            Span::raw(format!("{}{so_far}", plural(counts.seen, "transfer"))),
+            wrong(counts.aborted, "refused or aborted"),
+            wrong(counts.timed_out, "without answer"),
+        ];
+        if counts.other > 0 {
+            spans.push(wrong(counts.other, "not whole"));
+        }
+        if survey.more_exchanges > 0 {
+            let text = format!("; {} further ones behind the first {MOST_EXCHANGES}", survey.more_exchanges);
+            spans.push(Span::styled(text, theme.style(Role::Caution)));
+        }
+        let mut lines = vec![Line::from(spans)];
+        if matches!(self.table.sort, Some((DURATION, _))) {
+            lines.extend(latencies(survey).map(|text| Line::styled(text, theme.style(Role::Note))));
+        }
+        lines
+    }
+
+    fn parts(&self, core: &Core, survey: &Survey, area: Rect) -> Parts {
+        let above = draw::cells(self.summary(core, survey).len()).min(area.height / 2);
+        let below = if area.height < LOW { 0 } else { DETAIL };
+        Parts {
+            summary: Rect { height: above, ..area },
+            table: Rect { y: area.y + above, height: area.height - above - below, ..area },
+            detail: Rect { y: area.bottom() - below, height: below, ..area },
+        }
+    }
+
+    /// The selected one in full.
+    fn draw_detail(core: &Core, exchange: &Exchange, area: Rect, buf: &mut Buffer) {
+        let theme = &core.theme;
+        let frames = match (exchange.frames.first, exchange.frames.last) {
+            (_, 0) => String::new(),
+            (first, last) if first == last => format!("frame {last}"),
+            (first, last) => format!("frames {first}-{last}"),
+        };
+        divider(theme, Rect { height: 1, ..area }, &format!("{} {}", exchange.outcome, frames), buf);
+        let lines = [Line::from(vec![
+            Span::raw(format!("{}  {}  ", exchange.who, exchange.kind)),
+            Span::styled(exchange.what.to_string(), theme.style(role_of(exchange.tone))),
+        ])];
+        let below = Rect { y: area.y + 1, height: area.height - 1, ..area };
+        TextLines::new(theme, &lines).render(below, buf);
+    }
+
+    /// The cursor goes to the end of another transfer.
+    fn go(&mut self, action: Action, core: &Core) -> Vec<Effect> {
+        let survey = core.timeline.survey();
+        let area = Rect::new(0, 0, 80, core.height);
+        let height = Table::height(self.parts(core, &survey, area).table);
+        let len = survey.exchanges.len();
+        let order = self.order(&survey).map(Cow::into_owned);
+        let selected = Self::selected(core, &survey, order.as_deref());
+        self.table.selected = selected.unwrap_or(0);
+        match (action, selected) {
+            (Action::Top, _) => self.table.home(),
+            (Action::Bottom, _) => self.table.end(len),
+            // Before the first one there is only the first one to go to.
+            (Action::Down | Action::PageDown, None) => {}
+            (_, None) => return Vec::new(),
+            (Action::Down, _) => self.table.move_by(1, len),
+            (Action::Up, _) => self.table.move_by(-1, len),
+            (Action::PageDown, _) => self.table.page(1, height, len),
+            _ => self.table.page(-1, height, len),
+        }
+        self.table.settle(height, len);
+        let exchange = Self::exchange(order.as_deref(), &survey, self.table.selected);
+        exchange.map(|exchange| Effect::Go(Place::Spot(exchange.spot))).into_iter().collect()
+    }
+}
+
+/// Median and longest time of SDO transfers by node, of all of the capture.
+fn latencies(survey: &Survey) -> Option<String> {
+    let nodes = survey.statistics.buses.iter().flat_map(|bus| &bus.nodes);
+    let part = |of: &Distribution, percent| of.percentile(percent).map_or(String::new(), millis);
+    let told: Vec<String> = nodes
+        .filter(|(_, node)| node.sdo_duration.count() > 0)
+        .map(|(id, node)| {
+            let times = &node.sdo_duration;
+            format!("{} {} / {}", id.label(), part(times, 50), part(times, 100))
+        })
+        .collect();
+    (!told.is_empty()).then(|| format!("SDO ms, median / longest:  {}", told.join("   ")))
+}
+
+impl Pane for Transfers {
+    fn render(&self, core: &Core, area: Rect, buf: &mut Buffer) {
+        let survey = core.timeline.survey();
+        let lines = self.summary(core, &survey);
+        let parts = self.parts(core, &survey, area);
+        for (y, line) in (parts.summary.top()..parts.summary.bottom()).zip(&lines) {
+            draw::line(buf, Rect { y, height: 1, ..area }, line, draw::Align::Left, &core.theme);
+        }
+        let order = self.order(&survey);
+        let order = order.as_deref();
+        let selected = Self::selected(core, &survey, order);
+        // Where nothing is selected, titles keep the marks of sorting.
+        let state = TableState { selected: selected.unwrap_or(0), ..self.table.clone() };
+        let columns = columns(has_buses(core));
+        let row = |index: usize| -> Row<'_> {
+            Self::exchange(order, &survey, index).map_or_else(Row::default, |exchange| row(core, exchange))
+        };
+        let empty = if survey.is_complete {
+            "no transfers: neither SDO, J1939 transport nor UDS"
+        } else {
+            "none so far"
+        };
+        let table = Table::new(&core.theme, &columns).row_count(survey.exchanges.len()).rows(row);
+        table.state(&state).focused(selected.is_some()).empty(empty).render(parts.table, buf);
+        let exchange = selected.and_then(|row| Self::exchange(order, &survey, row));
+        if let Some(exchange) = exchange.filter(|_| parts.detail.height > 1) {
+            Self::draw_detail(core, exchange, parts.detail, buf);
+        }
+    }
+
+    fn act(&mut self, action: Action, core: &Core) -> Vec<Effect> {
+        match action {
+            Action::Down | Action::Up | Action::PageDown | Action::PageUp | Action::Top | Action::Bottom => {
+                return self.go(action, core);
+            }
+            Action::Left => self.table.move_column(-1, OUTCOME + 1),
+            Action::Right => self.table.move_column(1, OUTCOME + 1),
+            Action::Sort => self.table.cycle_sort(),
+            Action::Open => {
+                let survey = core.timeline.survey();
+                let current = self.current(core, &survey);
+                let place = current.map(|exchange| (exchange.spot, exchange.bus, exchange.node));
+                drop(survey);
+                let Some((spot, bus, node)) = place else { return Vec::new() };
+                let node = node.map(|node| Effect::Node((bus, node)));
+                let rest = [Effect::Go(Place::Spot(spot)), Effect::Show(PaneId::Events)];
+                return node.into_iter().chain(rest).collect();
+            }
+            _ => {}
+        }
+        self.refresh(core);
+        Vec::new()
+    }
+
+    fn click(&mut self, x: u16, y: u16, area: Rect, core: &Core) -> Vec<Effect> {
+        let survey = core.timeline.survey();
+        let below = self.parts(core, &survey, area).table;
+        let columns = columns(has_buses(core));
+        let table = Table::new(&core.theme, &columns).row_count(survey.exchanges.len());
+        if let Some(column) = table.column_at(below, x) {
+            self.table.column = column;
+        }
+        if Table::is_title_at(below, y) {
+            self.table.cycle_sort();
+            return Vec::new();
+        }
+        let order = self.order(&survey);
+        let selected = Self::selected(core, &survey, order.as_deref()).unwrap_or(0);
+        let state = TableState { selected, ..self.table.clone() };
+        let row = table.row_at(below, y, &state);
+        let exchange = row.and_then(|row| Self::exchange(order.as_deref(), &survey, row));
+        exchange.map(|exchange| Effect::Go(Place::Spot(exchange.spot))).into_iter().collect()
+    }
+
+    fn refresh(&mut self, core: &Core) {
+        let survey = core.timeline.survey();
+        self.counts.add(&survey.exchanges);
+        let wanted = (survey.exchanges.len(), self.table.sort);
+        if self.made != wanted {
+            self.order = self.order(&survey).map(Cow::into_owned).unwrap_or_default();
+            self.made = wanted;
+        }
+    }
+
+    fn actions(&self) -> &'static [Action] {
+        &[
+            Action::Open,
+            Action::Sort,
+            Action::FilterCell,
+            Action::NextError,
+            Action::NextFinding,
+            Action::GoTo,
+        ]
+    }
+
+    fn filter_of_cell(&self, core: &Core) -> Option<String> {
+        let survey = core.timeline.survey();
+        let exchange = self.current(core, &survey)?;
+        Some(match (self.table.column, exchange.node) {
+            (3, _) => format!("bus == {:?}", bus_name(core, exchange.bus)),
+            (4, Some(node)) => node_filter(node),
+            (OUTCOME, _) => {
+                format!("kind == {:?} && outcome == {:?}", exchange.event_kind, exchange.outcome)
+            }
+            _ => format!("kind == {:?}", exchange.event_kind),
+        })
+    }
+
+    fn line(&self, core: &Core) -> Option<String> {
+        let survey = core.timeline.survey();
+        let exchange = self.current(core, &survey)?;
+        let (time, bus) = (time(core, exchange.time), bus_name(core, exchange.bus));
+        Some(format!("{time} {bus} {} {} {}", exchange.who, exchange.kind, exchange.what))
+    }
+}
+
+fn row(core: &Core, exchange: &Exchange) -> Row<'static> {
+    let theme = &core.theme;
+    let (quiet, tone) = (theme.style(Role::Quiet), theme.style(role_of(exchange.tone)));
+    let number = if exchange.frames.last == 0 { String::new() } else { exchange.frames.last.to_string() };
+    Row::new([
+        Cell::new(number, quiet),
+        Cell::from(time(core, exchange.time)),
+        Cell::from(exchange.duration.map(millis).unwrap_or_default()),
+        Cell::new(bus_name(core, exchange.bus), quiet),
+        Cell::from(exchange.who.to_string()),
+        Cell::new(exchange.kind, tone),
+        Cell::new(exchange.what.to_string(), tone),
+        Cell::new(size(exchange), quiet),
+        Cell::new(exchange.outcome, tone),
+    ])
+}
+
+/// Bytes transferred; nothing for UDS, where they are in the text.
+fn size(exchange: &Exchange) -> String {
+    if exchange.event_kind == "uds-exchange" { String::new() } else { exchange.size.to_string() }
+}
