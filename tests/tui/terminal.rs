@@ -26,17 +26,17 @@ struct Seen {
 type Shared = Arc<(Mutex<Seen>, Condvar)>;
 
 /// A program in a terminal.
-struct Session {
+pub struct Session {
     pty: Option<Arc<Pty>>,
     child: Child,
     seen: Shared,
 }
 
 impl Session {
-    fn start(command: PtyCommand, rows: u16, columns: u16) -> Self {
+    pub fn start(command: PtyCommand, rows: u16, columns: u16) -> Self {
         let (pty, pts) = open().unwrap();
         pty.resize(Size::new(rows, columns)).unwrap();
-        let child = command.env("TERM", "xterm-256color").current_dir(workspace()).spawn(pts).unwrap();
+        let child = command.env("TERM", "xterm-256color").spawn(pts).unwrap();
         let seen: Shared = Arc::default();
         seen.0.lock().unwrap().parser = Parser::new(size(rows), size(columns), 0);
         let pty = Arc::new(pty);
@@ -56,12 +56,18 @@ impl Session {
 
     fn view(arguments: &[&str]) -> Self {
         let command = PtyCommand::new(env!("CARGO_BIN_EXE_cobscope")).arg("view").args(arguments);
+        let command = command.current_dir(workspace());
         Self::start(command, 24, 80)
     }
 
-    fn send(&self, keys: &str) {
+    pub fn send(&self, keys: &str) {
         let mut pty = &**self.pty.as_ref().unwrap();
         pty.write_all(keys.as_bytes()).unwrap();
+    }
+
+    /// What is on the screen.
+    pub fn text(&self) -> String {
+        self.seen.0.lock().unwrap().parser.screen().contents()
     }
 
     /// Waits until the screen is as wanted.
@@ -71,12 +77,12 @@ impl Session {
         assert!(!timeout.timed_out(), "no {what} on\n{}", seen.parser.screen().contents());
     }
 
-    fn wait_text(&self, text: &str) {
+    pub fn wait_text(&self, text: &str) {
         self.wait(text, |seen| seen.parser.screen().contents().contains(text));
     }
 
     /// Waits for the end of the program; the terminal is as it was.
-    fn wait_end(mut self) -> std::process::ExitStatus {
+    pub fn wait_end(mut self) -> std::process::ExitStatus {
         self.wait("end", |seen| seen.has_ended);
         let seen = self.seen.0.lock().unwrap();
         let screen = seen.parser.screen();
@@ -148,7 +154,8 @@ fn a_terminal_that_is_gone_ends_the_program() {
 fn a_capture_from_a_pipe_leaves_the_keys_to_the_terminal() {
     let program = env!("CARGO_BIN_EXE_cobscope");
     let script = format!("cat fixtures/devices/pve.log | {program} view --node 32=danfoss-pve-ci -");
-    let session = Session::start(PtyCommand::new("sh").args(["-c", &script]), 24, 80);
+    let session =
+        Session::start(PtyCommand::new("sh").args(["-c", &script]).current_dir(workspace()), 24, 80);
     session.wait_text("BOOT");
     session.send("G");
     session.wait_text("#190/190");
