@@ -18,4 +18,5 @@ mod stats;
 #[path = "../support/mod.rs"]
 mod support;
 mod terminal;
+mod traces;
 mod why;

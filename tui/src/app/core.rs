@@ -1,10 +1,8 @@
 //! What is shown, apart from the panes: captures, cursor in time, filter, theme.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
-use cobscope_decoder::frame::{BusIndex, CanId, Timestamp};
-use cobscope_decoder::profile::Layout;
+use cobscope_decoder::frame::{BusIndex, Timestamp};
 use cobscope_decoder::replay::{Spot, World};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::NodeId;
@@ -15,29 +13,6 @@ use crate::timeline::{Export, Matcher, Order, Row, Search, Target, Timeline, Win
 
 /// A node on a bus.
 pub type NodeKey = (BusIndex, NodeId);
-
-/// A signal: a field of what an identifier carries.
-#[derive(Debug, Clone)]
-pub struct SignalKey {
-    /// Bus.
-    pub bus: BusIndex,
-    /// Identifier.
-    pub id: CanId,
-    /// Field of its layout.
-    pub field: usize,
-    /// Its name, as shown.
-    pub name: String,
-    /// Its unit.
-    pub unit: String,
-    /// The layout it was chosen from.
-    pub layout: Arc<Layout>,
-}
-
-impl PartialEq for SignalKey {
-    fn eq(&self, other: &Self) -> bool {
-        (self.bus, self.id, self.field, &self.name) == (other.bus, other.id, other.field, &other.name)
-    }
-}
 
 /// A place in time to go to.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -93,6 +68,8 @@ pub struct Core {
     pub selection: Option<u64>,
     /// Rows a pane has room for.
     pub height: u16,
+    /// Columns it has.
+    pub width: u16,
     serial: u64,
     target: Target,
     is_waiting: bool,
@@ -119,6 +96,7 @@ impl Core {
             is_following: false,
             selection: None,
             height: 24,
+            width: 80,
             serial: 0,
             target: Target::Spot(Spot::default()),
             is_waiting: false,

@@ -13,9 +13,9 @@ mod update;
 mod view;
 
 pub use action::{Action, Effect};
-pub use core::{Core, NodeKey, Place, SignalKey, Sought};
+pub use core::{Core, NodeKey, Place, Sought};
 pub use start::{Start, quoted};
-pub use update::Output;
+pub use update::{Output, pattern};
 
 use cobscope_decoder::sink::text::Tone;
 use ratatui::layout::Rect;
@@ -24,6 +24,7 @@ pub use crate::panes::PaneId;
 use crate::panes::Panes;
 use crate::theme::Role;
 use crate::timeline::News;
+pub use crate::timeline::SignalKey;
 use crate::widgets::prompt::Prompt;
 
 /// The application.
@@ -74,7 +75,7 @@ impl App {
             News::Failed(text) => self.core.refuse(&text),
             News::Filtered => self.core.refresh(),
             News::Indexed if self.core.is_pending() => self.core.refresh(),
-            News::Indexed | News::Surveyed => {}
+            News::Indexed | News::Surveyed | News::Traced => {}
         }
         self.refresh_panes();
     }
@@ -102,6 +103,7 @@ impl App {
         self.core.is_waiting()
             || self.core.is_pending()
             || is_searching
+            || timeline.is_tracing()
             || !timeline.progress().is_complete()
             || !timeline.survey().is_complete
     }

@@ -97,7 +97,8 @@ impl App {
     /// The terminal has another size.
     pub fn resize(&mut self, width: u16, height: u16) {
         self.area = ratatui::layout::Rect::new(0, 0, width, height);
-        self.core.height = view::parts(self.area).body.height;
+        let body = view::parts(self.area).body;
+        (self.core.height, self.core.width) = (body.height, body.width);
         self.core.refresh();
     }
 
@@ -413,7 +414,10 @@ fn check(asking: Asking, text: &str) -> Result<(), (usize, String)> {
 }
 
 /// A pattern; without capital letters in it case does not matter.
-fn pattern(text: &str) -> Result<Regex, String> {
+///
+/// # Errors
+/// What is wrong with it.
+pub fn pattern(text: &str) -> Result<Regex, String> {
     let is_any_case = !text.chars().any(char::is_uppercase);
     let written = if is_any_case { format!("(?i){text}") } else { text.to_owned() };
     Regex::new(&written).map_err(|error| error.to_string())

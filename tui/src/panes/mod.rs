@@ -8,6 +8,7 @@ mod findings;
 mod frames;
 mod nodes;
 mod objects;
+mod signals;
 mod transfers;
 
 use ratatui::buffer::Buffer;
@@ -84,6 +85,7 @@ panes! {
     Events "events" "Events" events::Events::default();
     Frames "frames" "Frames" frames::Frames::default();
     Detail "detail" "Detail" detail::Detail::default();
+    Signals "signals" "Signals" signals::Signals::default();
     Transfers "transfers" "Transfers" transfers::Transfers::default();
     Objects "objects" "Objects" objects::Objects::default();
     Findings "findings" "Findings" findings::Findings::default();
