@@ -6,7 +6,7 @@
 //! ```
 
 use cobscope_decoder::session::Bus;
-use cobscope_decoder::statistics::{BusStatistics, Intervals, Quality};
+use cobscope_decoder::statistics::{BusStatistics, Intervals, Quality, span};
 
 use crate::figures::{bits, millis, seconds, tenths};
 

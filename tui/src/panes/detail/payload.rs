@@ -231,14 +231,7 @@ impl Place<'_> {
         if let Some(signal) = &signal {
             notes.extend(meaning::notes(self.core, self.node, field, signal));
         }
-        let signal = self.id.map(|can_id| SignalKey {
-            bus: self.index,
-            id: can_id,
-            field: number,
-            name: field.name().unwrap_or(&name).to_owned(),
-            unit: meaning.map(|meaning| meaning.unit.clone()).unwrap_or_default(),
-            layout: Arc::clone(layout),
-        });
+        let signal = self.id.and_then(|id| SignalKey::new(self.index, id, layout, number));
         let (bit, bits, order) = (field.bit, field.bits, field.order);
         Some(Part { name, bit, bits, order, value, notes, signal, is_assumed })
     }
