@@ -65,25 +65,24 @@ impl Session {
         pty.write_all(keys.as_bytes()).unwrap();
     }
 
-    /// What is on the screen.
-    pub fn text(&self) -> String {
-        self.seen.0.lock().unwrap().parser.screen().contents()
+    /// Waits until what is on the screen is as wanted.
+    pub fn wait(&self, what: &str, is_so: impl Fn(&str) -> bool) {
+        self.wait_seen(what, |seen| is_so(&seen.parser.screen().contents()));
     }
 
-    /// Waits until the screen is as wanted.
-    fn wait(&self, what: &str, is_so: impl Fn(&Seen) -> bool) {
+    fn wait_seen(&self, what: &str, is_so: impl Fn(&Seen) -> bool) {
         let seen = self.seen.0.lock().unwrap();
         let (seen, timeout) = self.seen.1.wait_timeout_while(seen, LIMIT, |seen| !is_so(seen)).unwrap();
         assert!(!timeout.timed_out(), "no {what} on\n{}", seen.parser.screen().contents());
     }
 
     pub fn wait_text(&self, text: &str) {
-        self.wait(text, |seen| seen.parser.screen().contents().contains(text));
+        self.wait(text, |screen| screen.contains(text));
     }
 
     /// Waits for the end of the program; the terminal is as it was.
     pub fn wait_end(mut self) -> std::process::ExitStatus {
-        self.wait("end", |seen| seen.has_ended);
+        self.wait_seen("end", |seen| seen.has_ended);
         let seen = self.seen.0.lock().unwrap();
         let screen = seen.parser.screen();
         assert!(!screen.alternate_screen(), "the screen before is back");
@@ -121,7 +120,7 @@ fn another_size_is_used_at_once() {
     session.seen.0.lock().unwrap().parser.screen_mut().set_size(size(30), size(120));
     session.pty.as_ref().unwrap().resize(Size::new(30, 120)).unwrap();
     // The header's time stands at the right end.
-    session.wait("header over the whole width", |seen| {
+    session.wait_seen("header over the whole width", |seen| {
         let header = seen.parser.screen().contents_between(0, 100, 0, 120);
         header.trim_end().ends_with(" s")
             && seen.parser.screen().contents_between(29, 0, 29, 20).contains("? help")
