@@ -13,6 +13,7 @@ mod terminal;
 pub mod theme;
 pub mod timeline;
 pub mod widgets;
+mod words;
 
 use std::io::IsTerminal as _;
 use std::process::ExitCode;

@@ -175,6 +175,7 @@ impl App {
     }
 
     fn apply(&mut self, effects: Vec<Effect>) {
+        let mut is_plotted = false;
         for effect in effects {
             for pane in self.panes.all_mut() {
                 pane.offer(&effect, &self.core);
@@ -184,7 +185,7 @@ impl App {
                 Effect::Show(pane) => self.show(pane),
                 Effect::Filter(text) => self.filter(&text),
                 Effect::Node(node) => self.core.node = Some(node),
-                Effect::Plot(_) => {}
+                Effect::Plot(_) => is_plotted = true,
                 Effect::Say(text) => self.core.say(&text),
                 Effect::Refuse(text) => self.core.refuse(&text),
                 Effect::Copy(text) => {
@@ -192,6 +193,9 @@ impl App {
                     self.outputs.push(Output::Copy(text));
                 }
             }
+        }
+        if is_plotted {
+            self.show(PaneId::Signals);
         }
         self.refresh_panes();
     }
@@ -250,6 +254,9 @@ impl App {
             PromptEvent::Ignored => {}
             PromptEvent::Cancelled => {
                 self.mode = Mode::Panes;
+                if asking == Asking::Search {
+                    self.search_pane("");
+                }
             }
             PromptEvent::Changed => {
                 if let Err((offset, reason)) = check(asking, &text) {

@@ -13,11 +13,13 @@ use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::NodeId;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
+use ratatui::text::{Line, Span};
 
 use crate::app::Core;
 use crate::figures::seconds;
 use crate::theme::{Glyph, Role, Theme};
 use crate::widgets::draw;
+use crate::widgets::text_lines::TextLines;
 
 /// Seconds from the first frame.
 pub(super) fn time(core: &Core, time: Option<Timestamp>) -> String {
@@ -41,20 +43,20 @@ pub(super) fn node_filter(node: NodeId) -> String {
 }
 
 /// The world that knows most buses: that of the end, once it is known.
-fn widest(core: &Core) -> Option<Arc<World>> {
+pub(super) fn last_world(core: &Core) -> Option<Arc<World>> {
     core.timeline.end().or_else(|| core.window.as_ref().map(|window| Arc::clone(&window.world)))
 }
 
 /// Name of a bus, escaped.
 pub(super) fn bus_name(core: &Core, bus: BusIndex) -> String {
-    let world = widest(core);
+    let world = last_world(core);
     let bus = world.as_ref().and_then(|world| world.buses().get(usize::from(bus.0)));
     bus.map_or(String::new(), |bus| escape(bus.name()).into_owned())
 }
 
 /// Whether there is more than one bus.
 pub(super) fn has_buses(core: &Core) -> bool {
-    widest(core).is_some_and(|world| world.buses().len() > 1)
+    last_world(core).is_some_and(|world| world.buses().len() > 1)
 }
 
 /// How a severity looks.
@@ -63,6 +65,53 @@ pub(super) const fn severity_role(severity: Severity) -> Role {
         Severity::Error => Role::Bad,
         Severity::Warning => Role::Caution,
         Severity::Note => Role::Note,
+    }
+}
+
+/// Lines with a label each: what has to be wrapped stands below the text, not below its label.
+pub(super) struct Labelled {
+    /// As wide as the widest label with the blanks around it.
+    pub(super) room: u16,
+    /// Label and text; a line without label stands at the margin.
+    pub(super) lines: Vec<(&'static str, Line<'static>)>,
+}
+
+impl Labelled {
+    /// The lines with blanks where labels go.
+    fn indented(&self) -> Vec<Line<'static>> {
+        let blank = " ".repeat(usize::from(self.room));
+        let indent = |(label, line): &(&str, Line<'static>)| {
+            let mut line = line.clone();
+            if !label.is_empty() {
+                line.spans.insert(0, Span::raw(blank.clone()));
+            }
+            line
+        };
+        self.lines.iter().map(indent).collect()
+    }
+
+    /// The scroll that shows the end.
+    pub(super) fn last_scroll(&self, theme: &Theme, area: Rect) -> usize {
+        TextLines::new(theme, &self.indented()).last_scroll(area)
+    }
+
+    /// Draws what is in view; a label stands once where several lines have it.
+    pub(super) fn render(&self, theme: &Theme, scroll: usize, area: Rect, buf: &mut Buffer) {
+        let lines = self.indented();
+        let text = TextLines::new(theme, &lines).scroll(scroll);
+        let scroll = scroll.min(text.last_scroll(area));
+        text.render(area, buf);
+        let width = if text.last_scroll(area) > 0 { area.width.saturating_sub(1) } else { area.width };
+        let (mut row, mut last) = (0_usize, "");
+        for ((label, _), line) in self.lines.iter().zip(&lines) {
+            let y = row.checked_sub(scroll).map(|row| area.y.saturating_add(draw::cells(row)));
+            if let Some(y) = y.filter(|y| *y < area.bottom() && last != *label) {
+                let room = self.room.min(area.width);
+                draw::put(buf, area.x, y, room, label, theme.style(Role::Quiet));
+            }
+            last = label;
+            row += TextLines::new(theme, std::slice::from_ref(line)).total(width);
+        }
     }
 }
 

@@ -224,19 +224,8 @@ impl Frames {
             return vec![Effect::Refuse(format!("what the bits of {} mean is not known", row.id))];
         };
         let fields = layout.fields.iter().enumerate().filter(|(_, field)| is_number(field));
-        let plot = |(place, field): (usize, &Field)| {
-            let meaning = field.meaning.as_deref();
-            let name = meaning.map_or_else(|| field.id.to_string(), |meaning| meaning.name.clone());
-            Effect::Plot(SignalKey {
-                bus: row.bus,
-                id: row.id,
-                field: place,
-                name: escape(&name).into_owned(),
-                unit: meaning.map_or(String::new(), |meaning| escape(&meaning.unit).into_owned()),
-                layout: layout.clone(),
-            })
-        };
-        let mut effects: Vec<Effect> = fields.map(plot).collect();
+        let keys = fields.filter_map(|(place, _)| SignalKey::new(row.bus, row.id, layout, place));
+        let mut effects: Vec<Effect> = keys.map(Effect::Plot).collect();
         let said = format!("{} of {}", plural(effects.len(), "signal"), row.id);
         effects.push(if effects.is_empty() { Effect::Refuse(said) } else { Effect::Say(said) });
         effects

@@ -1,6 +1,7 @@
 //! The panes: each a file, and a line in the registry below. A pane keeps only what its user did in it; what it
 //! shows comes from [`Core`].
 
+mod bus;
 mod common;
 mod detail;
 mod events;
@@ -89,6 +90,7 @@ panes! {
     Transfers "transfers" "Transfers" transfers::Transfers::default();
     Objects "objects" "Objects" objects::Objects::default();
     Findings "findings" "Findings" findings::Findings::default();
+    Bus "bus" "Bus" bus::BusPane::default();
 }
 
 /// All panes.

@@ -36,7 +36,7 @@ impl Default for LoadOverTime {
 
 impl LoadOverTime {
     /// Takes a frame; one before the first counts as there.
-    pub(super) fn add(&mut self, frame: &Frame) {
+    pub fn add(&mut self, frame: &Frame) {
         let Some(time) = frame.time else { return };
         let start = *self.start.get_or_insert(time.0);
         let since = time.0.saturating_sub(start).max(0);

@@ -8,11 +8,12 @@ use cobscope_decoder::session::{Bus, Node};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::table::{Align, Table};
 use cobscope_decoder::statistics::{
-    BusStatistics, Distribution, Intervals, NodeStatistics, dtc_of_key, span,
+    BusStatistics, Distribution, Intervals, NodeStatistics, dtc_of_key,
 };
 
 use super::{Report, j1939};
-use crate::figures::{bits, millis, seconds, tenths};
+use crate::figures::{millis, seconds};
+use crate::words::{commands, error_frames, faults, period, protocols, rates, since, stamps};
 
 /// Writes the report of one capture.
 pub fn write(report: &Report<'_>, output: &mut String) {
@@ -42,86 +43,27 @@ fn quality(report: &Report<'_>, text: &mut String) {
     let duration =
         quality.duration().map_or("without times".into(), |duration| format!("in {} s", seconds(duration)));
     let _ = write!(text, "capture   {} frames {duration}", quality.frames);
-    match (quality.made_up_interval(), quality.granularity()) {
-        (Some(interval), _) => {
-            let _ = write!(text, "; stamps are made up: every {} ms, so times say nothing", millis(interval));
-        }
-        (None, Some(step)) => {
-            let _ = write!(text, "; stamps in steps of {} ms", millis(step));
-        }
-        (None, None) => {}
+    if let Some(stamps) = stamps(quality) {
+        let _ = write!(text, "; {stamps}");
     }
     let _ = writeln!(text);
     if quality.error_frames == 0 {
         let _ = writeln!(text, "          no error frames: this capture cannot tell how good the wiring is");
     } else {
-        let classes: Vec<String> =
-            quality.error_classes.iter().map(|(name, count)| format!("{name} {count}")).collect();
-        let _ = writeln!(text, "          {} error frames: {}", quality.error_frames, classes.join(", "));
+        let _ = writeln!(text, "          {}", error_frames(quality));
     }
-    let mut faults = Vec::new();
-    if quality.unreadable > 0 {
-        faults.push(format!("{} lines or records unreadable", quality.unreadable));
-    }
-    if quality.lost > 0 {
-        faults.push(format!("{} frames lost by the recorder", quality.lost));
-    }
-    if quality.clock_steps.0 > 0 {
-        let (steps, largest) = (quality.clock_steps.0, span(quality.clock_steps.1.saturating_neg()));
-        let steps = if steps == 1 { "1 backward step".to_owned() } else { format!("{steps} backward steps") };
-        faults.push(format!("{steps} of the stamps, the largest {largest}"));
-    }
-    if quality.silences.0 > 0 {
-        let longest = seconds(quality.silences.1);
-        faults.push(format!("{} silences of all traffic, the longest {longest} s", quality.silences.0));
-    }
-    for fault in faults {
+    for fault in faults(quality) {
         let _ = writeln!(text, "          {fault}");
     }
 }
 
 fn load(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics, start: i64, text: &mut String) {
-    let verdict = match (bus.is_canopen(), bus.doubt()) {
-        (true, _) if bus.is_j1939() => "CANopen and J1939".to_owned(),
-        (true, _) => "CANopen".to_owned(),
-        (false, _) if bus.is_j1939() => "J1939".to_owned(),
-        (false, Some(reason)) => format!("not CANopen: {reason}"),
-        (false, None) => "no sign of CANopen".to_owned(),
-    };
-    let _ = writeln!(text, "bus {:<5} {verdict}", bus.name());
-    let load = &statistics.load;
-    let _ = write!(text, "          {} frames", load.frames);
-    let duration = report.statistics.quality.duration().filter(|duration| *duration > 0);
-    if let Some(duration) = duration {
-        let per_second = |count: u64, times: u128| {
-            u128::from(count) * times * 1_000_000_000 / u128::from(duration.unsigned_abs())
-        };
-        let (frames, mean) = (per_second(load.frames, 10), per_second(load.bits, 1));
-        let _ = write!(text, ", {}/s, {}/s", tenths(frames), bits(mean));
-        let (frames, at) = load.worst_frames;
-        let _ = write!(
-            text,
-            "; worst second {frames} frames, {} from {} s",
-            bits(u128::from(load.worst_bits.0)),
-            since(at, start)
-        );
-        match report.bit_rate(bus) {
-            Some(rate) => {
-                let percent = |bits: u128| tenths(bits * 1000 / u128::from(rate.max(1)));
-                let mean = percent(mean);
-                let worst = percent(u128::from(load.worst_bits.0));
-                let _ = write!(
-                    text,
-                    "\n          load {mean} % of {} kbit/s, worst second {worst} %",
-                    rate / 1000
-                );
-            }
-            None => {
-                let _ = write!(text, "\n          load in % needs the bit rate: --bitrate 250k");
-            }
-        }
+    let _ = writeln!(text, "bus {:<5} {}", bus.name(), protocols(bus));
+    for line in
+        rates(statistics, report.statistics.quality.duration(), start, report.bit_rate(bus), "--bitrate 250k")
+    {
+        let _ = writeln!(text, "          {line}");
     }
-    let _ = writeln!(text);
     if statistics.undecoded + statistics.malformed > 0 {
         let _ = writeln!(
             text,
@@ -132,36 +74,10 @@ fn load(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics, start: i64, 
 }
 
 fn master(statistics: &BusStatistics, start: i64, text: &mut String) {
-    let master = &statistics.master;
-    let mut parts: Vec<String> =
-        master.commands.iter().map(|(service, count)| format!("NMT {} {count}", service.name())).collect();
-    if master.syncs > 0 {
-        let gaps =
-            if master.sync_gaps > 0 { format!(", {} counter gaps", master.sync_gaps) } else { String::new() };
-        let jitter =
-            master.sync.jitter().map_or(String::new(), |jitter| format!(", jitter ±{} ms", millis(jitter)));
-        parts.push(format!("SYNC {}{}{jitter}{gaps}", master.syncs, period(&master.sync, start)));
-    }
-    if master.times > 0 {
-        parts.push(format!("TIME {}", master.times));
-    }
-    if master.guard_requests > 0 {
-        parts.push(format!("guarding requests {}", master.guard_requests));
-    }
+    let parts = commands(statistics, start);
     for (index, part) in parts.iter().enumerate() {
         let _ = writeln!(text, "{:<9} {part}", if index == 0 { "master" } else { "" });
     }
-}
-
-/// ` every 10.000 ms (9.812 to 14.200, worst from 3.211 s)`.
-fn period(intervals: &Intervals, start: i64) -> String {
-    let (Some(mean), Some(shortest), Some((longest, began))) =
-        (intervals.mean(), intervals.shortest(), intervals.longest())
-    else {
-        return String::new();
-    };
-    let (mean, shortest, longest) = (millis(mean), millis(shortest), millis(longest));
-    format!(" every {mean} ms ({shortest} to {longest}, worst from {} s)", since(began, start))
 }
 
 fn nodes(bus: &Bus, statistics: &BusStatistics, end: Option<i64>, start: i64, text: &mut String) {
@@ -333,9 +249,4 @@ fn ids(bus: &Bus, statistics: &BusStatistics, end: Option<i64>, start: i64, text
     if statistics.other_ids > 0 {
         let _ = writeln!(text, " further identifiers: {} frames", statistics.other_ids);
     }
-}
-
-/// Seconds since the first frame.
-fn since(time: i64, start: i64) -> String {
-    seconds(time.saturating_sub(start))
 }

@@ -18,9 +18,12 @@ use ratatui::text::{Line, Span};
 
 use super::rows::Facts;
 use crate::app::Core;
-use crate::panes::common::{severity_role, time};
-use crate::theme::{Role, Theme};
+use crate::panes::common::{Labelled, severity_role, time};
+use crate::theme::Role;
 use crate::timeline::Survey;
+
+/// Columns for labels.
+const LABEL: u16 = 13;
 
 /// What limits the verdicts, as `check` says it.
 pub(super) fn quality(core: &Core, survey: &Survey) -> Vec<Line<'static>> {
@@ -52,49 +55,49 @@ pub(super) fn quality(core: &Core, survey: &Survey) -> Vec<Line<'static>> {
 }
 
 /// All of a finding, the most important first: there may be room for some lines only.
-pub(super) fn lines(core: &Core, findings: &Findings, group: &Group) -> Vec<Line<'static>> {
-    let theme = &core.theme;
-    let style = theme.style(severity_role(group.severity));
+pub(super) fn lines(core: &Core, findings: &Findings, group: &Group) -> Labelled {
+    let style = core.theme.style(severity_role(group.severity));
     let plain = |text: String| Line::raw(escape(&text).into_owned());
     let who = format!("{}  ", escape(&who(group)));
-    let mut lines =
-        vec![Line::from(vec![Span::raw(who), Span::styled(escape(&what(group)).into_owned(), style)])];
+    let first = Line::from(vec![Span::raw(who), Span::styled(escape(&what(group)).into_owned(), style)]);
+    let mut lines = vec![("", first)];
     if let Some(reason) = &group.suppressed {
-        lines.push(labelled(theme, "suppressed", reason));
+        lines.push(labelled("  suppressed", reason));
     }
-    lines.extend(notes(group, core.zero()).into_iter().map(|note| plain(format!("  {note}"))));
+    lines.extend(notes(group, core.zero()).into_iter().map(|note| ("", plain(format!("  {note}")))));
     if let Some(cause) = cause(findings, group) {
-        lines.push(labelled(theme, "caused by", &cause));
+        lines.push(labelled("  caused by", &cause));
     }
     let rule = findings.rules.get(usize::from(group.key.rule));
     if let Some(look) = rule.and_then(|rule| section(&rule.explanation, "What to look at first")) {
-        lines.push(labelled(theme, "look first", &one_line(look)));
+        lines.push(labelled("  look first", &one_line(look)));
     }
     if let Some(taken) = absorbed(findings).get(&group.id) {
         let rules: Vec<&str> =
             findings.effects(group.id).filter(|e| e.is_absorbed).map(|e| e.rule.as_ref()).collect();
         let text = format!("{} of other rules too: {}", plural(*taken, "finding"), rules.join(", "));
-        lines.push(labelled(theme, "stands for", &text));
+        lines.push(labelled("  stands for", &text));
     }
     lines.extend(occurrences(core, group));
     if let Some(rule) = rule {
-        lines.push(labelled(theme, "rule", &format!("{}: {}", rule.name, rule.title)));
+        lines.push(labelled("  rule", &format!("{}: {}", rule.name, rule.title)));
         let source = rule.source.as_deref().or_else(|| section(&rule.explanation, "Source"));
-        lines.extend(source.map(|source| labelled(theme, "source", &one_line(source))));
+        lines.extend(source.map(|source| labelled("  source", &one_line(source))));
     }
-    lines
+    Labelled { room: LABEL, lines }
 }
 
 /// What is known of a finding before groups are.
-pub(super) fn opening(core: &Core, facts: &Facts) -> Vec<Line<'static>> {
+pub(super) fn opening(core: &Core, facts: &Facts) -> Labelled {
     let style = core.theme.style(severity_role(facts.severity));
     let first =
         Line::from(vec![Span::raw(format!("{}  ", facts.who)), Span::styled(facts.text.clone(), style)]);
-    vec![first, Line::raw(format!("  at {} s {{{}}}", time(core, facts.began), facts.frame))]
+    let at = Line::raw(format!("  at {} s {{{}}}", time(core, facts.began), facts.frame));
+    Labelled { room: LABEL, lines: vec![("", first), ("", at)] }
 }
 
 /// When it was seen, where the notes do not say all of that already.
-fn occurrences(core: &Core, group: &Group) -> Option<Line<'static>> {
+fn occurrences(core: &Core, group: &Group) -> Option<(&'static str, Line<'static>)> {
     if group.first.len() + group.last.len() <= 2 {
         return None;
     }
@@ -104,7 +107,7 @@ fn occurrences(core: &Core, group: &Group) -> Option<Line<'static>> {
     let kept = u64::try_from(group.first.len() + group.last.len()).unwrap_or(u64::MAX);
     let between = if group.count > kept { " … " } else { ", " };
     let between = if last.is_empty() { "" } else { between };
-    Some(labelled(&core.theme, "seen", &format!("{first}{between}{last}")))
+    Some(labelled("  seen", &format!("{first}{between}{last}")))
 }
 
 fn cause(findings: &Findings, group: &Group) -> Option<String> {
@@ -117,10 +120,9 @@ fn cause(findings: &Findings, group: &Group) -> Option<String> {
     }
 }
 
-/// `look first   Its last EMCY …`: further lines stand below the text.
-fn labelled(theme: &Theme, label: &str, text: &str) -> Line<'static> {
-    let label = Span::styled(format!("  {label:<11}"), theme.style(Role::Quiet));
-    Line::from(vec![label, Span::raw(escape(text).into_owned())])
+/// `look first   Its last EMCY …`
+fn labelled(label: &'static str, text: &str) -> (&'static str, Line<'static>) {
+    (label, Line::raw(escape(text).into_owned()))
 }
 
 fn one_line(text: &str) -> String {

@@ -29,7 +29,6 @@ use crate::theme::Role;
 use crate::timeline::Survey;
 use crate::widgets::draw;
 use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};
-use crate::widgets::text_lines::TextLines;
 
 /// The findings.
 #[derive(Debug, Default)]
@@ -168,7 +167,7 @@ impl Findings {
         let rest = [
             Effect::Go(Place::Frame(facts.frame)),
             Effect::Say(core.finding_text(item.id)),
-            Effect::Show(PaneId::Events),
+            Effect::Show(PaneId::Detail),
         ];
         node.into_iter().chain(rest).collect()
     }
@@ -189,7 +188,7 @@ impl Findings {
         };
         divider(&core.theme, Rect { height: 1, ..area }, &title, buf);
         let below = Rect { y: area.y + 1, height: area.height - 1, ..area };
-        TextLines::new(&core.theme, &lines).render(below, buf);
+        lines.render(&core.theme, 0, below, buf);
     }
 }
 

@@ -505,14 +505,7 @@ fn signals(core: &Core, key: Key) -> Vec<SignalKey> {
             if channel_of(key).is_some() && meaning.channel.is_some() && meaning.channel != channel_of(key) {
                 continue;
             }
-            signals.push(SignalKey {
-                bus: row.bus,
-                id: row.id,
-                field: place,
-                name: escape(&meaning.name).into_owned(),
-                unit: escape(&meaning.unit).into_owned(),
-                layout: layout.clone(),
-            });
+            signals.extend(SignalKey::new(row.bus, row.id, layout, place));
         }
     }
     signals

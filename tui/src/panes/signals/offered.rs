@@ -12,7 +12,7 @@ use cobscope_decoder::replay::World;
 use cobscope_decoder::statistics::IdentifierRow;
 use cobscope_decoder::wire::canopen::ObjectAddress;
 
-use crate::app::{Core, Effect, PaneId, SignalKey};
+use crate::app::{Core, Effect, SignalKey};
 use crate::timeline::signal::carried;
 
 /// What plotting the selected event comes to.
@@ -22,9 +22,7 @@ pub fn plot(core: &Core) -> Vec<Effect> {
     // Early in a capture what is known at its end tells more.
     let mut found = core.world().into_iter().chain(end.as_deref()).map(|world| signals(&row.event, world));
     match found.find(|signals| !signals.is_empty()) {
-        Some(signals) => {
-            signals.into_iter().map(Effect::Plot).chain([Effect::Show(PaneId::Signals)]).collect()
-        }
+        Some(signals) => signals.into_iter().map(Effect::Plot).collect(),
         None => vec![Effect::Refuse("nothing of this event can be plotted".into())],
     }
 }

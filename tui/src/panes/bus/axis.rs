@@ -1,0 +1,159 @@
+//! Which time each column of the bars stands for, and what lies in it.
+//!
+//! ```text
+//! start            cursor                 start + columns × column
+//!   ├──────────────────┼──────────────────┤
+//! ```
+
+use crate::timeline::{LoadOverTime, Step};
+
+/// How often the span can be halved.
+pub(super) const MOST_ZOOM: u32 = 24;
+
+/// Times of columns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Axis {
+    /// Time of the first column, in nanoseconds.
+    pub(super) start: i64,
+    /// Nanoseconds of a column.
+    pub(super) column: i64,
+    /// Columns.
+    pub(super) columns: u16,
+}
+
+/// What lies in a column.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct Content {
+    /// Most bits of a step in it, by the second.
+    pub(super) bits: u64,
+    /// Most frames of a step in it, by the second.
+    pub(super) frames: u64,
+    /// Error frames in all of it.
+    pub(super) errors: u64,
+}
+
+impl Axis {
+    /// All from `first` to `last`, or the part of it that holds the cursor: each zoom halves it.
+    pub(super) fn new(first: i64, last: i64, cursor: i64, zoom: u32, columns: u16) -> Self {
+        let whole = last.saturating_sub(first).max(1);
+        let span = (whole >> zoom.min(MOST_ZOOM)).max(1);
+        // Pages, so that bars stand still while the cursor moves in them; the last frame lies on the last one.
+        let page = cursor.saturating_sub(first).clamp(0, whole.saturating_sub(1)) / span;
+        let column = (span / i64::from(columns.max(1))).saturating_add(1);
+        Self { start: first.saturating_add(page.saturating_mul(span)), column, columns }
+    }
+
+    /// End of the last column.
+    pub(super) fn end(&self) -> i64 {
+        self.start.saturating_add(self.column.saturating_mul(i64::from(self.columns)))
+    }
+
+    /// The column of a time.
+    pub(super) fn column_of(&self, time: i64) -> Option<u16> {
+        let since = time.checked_sub(self.start).filter(|since| *since >= 0)?;
+        u16::try_from(since / self.column).ok().filter(|column| *column < self.columns)
+    }
+
+    /// Time in the middle of a column.
+    pub(super) fn time_of(&self, column: u16) -> i64 {
+        let begin = self.start.saturating_add(self.column.saturating_mul(i64::from(column)));
+        begin.saturating_add(self.column / 2)
+    }
+
+    /// What each column holds.
+    pub(super) fn contents(&self, load: &LoadOverTime) -> Vec<Content> {
+        (0..self.columns).map(|column| self.content(load, column)).collect()
+    }
+
+    fn content(&self, load: &LoadOverTime, column: u16) -> Content {
+        let Some(start) = load.start() else { return Content::default() };
+        let begin = self.start.saturating_add(self.column.saturating_mul(i64::from(column)));
+        let end = begin.saturating_add(self.column - 1);
+        let place = |time: i64| usize::try_from(time.saturating_sub(start).div_euclid(load.step())).ok();
+        // A column before the first step may reach into it.
+        let Some(last) = place(end) else { return Content::default() };
+        let steps =
+            load.steps().get(place(begin).unwrap_or(0)..=last.min(load.steps().len().wrapping_sub(1)));
+        let step = load.step().unsigned_abs().max(1);
+        let rate = |count: u64| u128::from(count) * 1_000_000_000 / u128::from(step);
+        let rate = |count: u64| u64::try_from(rate(count)).unwrap_or(u64::MAX);
+        steps.unwrap_or_default().iter().fold(Content::default(), |sum, step: &Step| Content {
+            bits: sum.bits.max(rate(step.bits)),
+            frames: sum.frames.max(rate(step.frames)),
+            errors: sum.errors + step.errors,
+        })
+    }
+}
+
+/// Where to go from `time` on the right by one column: so far that there is a frame on the way.
+pub(super) fn further(loads: &[LoadOverTime], time: i64, by: i64) -> Option<i64> {
+    loads.iter().filter_map(|load| further_on(load, time, by)).min()
+}
+
+fn further_on(load: &LoadOverTime, time: i64, by: i64) -> Option<i64> {
+    let (start, step) = (load.start()?, load.step());
+    let place = |time: i64| usize::try_from(time.saturating_sub(start).div_euclid(step)).unwrap_or(0);
+    let end = |place: usize| {
+        let steps = i64::try_from(place + 1).unwrap_or(i64::MAX);
+        start.saturating_add(steps.saturating_mul(step)) - 1
+    };
+    let wanted = time.saturating_add(by.max(step));
+    let (first, last) = (if time < start { 0 } else { place(time) + 1 }, place(wanted));
+    let has_frames = |at: &usize| load.steps().get(*at).is_some_and(|step| step.frames > 0);
+    if (first..=last).any(|at| has_frames(&at)) {
+        return Some(end(last));
+    }
+    (last + 1..load.steps().len()).find(has_frames).map(end)
+}
+
+#[cfg(test)]
+mod tests {
+    use cobscope_decoder::frame::{CanId, Frame, FrameFlags, Timestamp};
+
+    use super::*;
+
+    /// Frames at these milliseconds, of 48 bits each; those below zero are error frames.
+    fn load(milliseconds: &[i64]) -> LoadOverTime {
+        let mut load = LoadOverTime::default();
+        for time in milliseconds {
+            let mut frame = Frame::data_frame(CanId::standard(0x555), &[]);
+            if *time < 0 {
+                frame.flags = FrameFlags::ERROR;
+            }
+            frame.time = Some(Timestamp(time.abs() * 1_000_000));
+            load.add(&frame);
+        }
+        load
+    }
+
+    #[test]
+    fn columns_go_from_the_first_frame_to_the_last() {
+        let axis = Axis::new(1_000, 2_000, 1_000, 0, 10);
+        assert_eq!(
+            (axis.start, axis.column, axis.column_of(2_000), axis.column_of(999)),
+            (1_000, 101, Some(9), None)
+        );
+        // The third of four pages holds the cursor.
+        let axis = Axis::new(1_000, 2_000, 1_500, 2, 10);
+        assert_eq!((axis.start, axis.column, axis.column_of(1_500)), (1_500, 26, Some(0)));
+        assert_eq!(Axis::new(5, 5, 5, 3, 0).column_of(5), None);
+    }
+
+    #[test]
+    fn a_column_tells_the_busiest_step_in_it_and_all_its_error_frames() {
+        // Steps of 100 ms: two frames, one, none, an error frame.
+        let load = load(&[0, 50, 100, -350]);
+        let axis = Axis::new(0, 350_000_000, 0, 0, 2);
+        let told = axis.contents(&load);
+        assert_eq!(told[0], Content { bits: 960, frames: 20, errors: 0 });
+        assert_eq!((told[1].frames, told[1].errors), (10, 1));
+    }
+
+    #[test]
+    fn a_step_on_the_right_reaches_the_next_frame() {
+        let load = [load(&[0, 50, 120, 900])];
+        assert_eq!(further(&load, 0, 1), Some(199_999_999));
+        assert_eq!(further(&load, 120_000_000, 1), Some(999_999_999));
+        assert_eq!(further(&load, 900_000_000, 1), None);
+    }
+}
