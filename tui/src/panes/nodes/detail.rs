@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use cobscope_decoder::event::{BootCause, Effective, StateCause};
 use cobscope_decoder::frame::CanId;
 use cobscope_decoder::profile::Carrier;
-use cobscope_decoder::replay::{Code, World};
+use cobscope_decoder::replay::{Code, LatestOfNode, World};
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::statistics::IdentifierRow;
@@ -193,7 +193,7 @@ fn start(core: &Core, subject: &Subject<'_>) -> Option<String> {
         };
         let _ = write!(text, "{} {by} {{{}}}", nmt.state.name(), nmt.frame);
     }
-    if let Some(start) = subject.latest.and_then(|latest| latest.start()) {
+    if let Some(start) = subject.latest.and_then(LatestOfNode::start) {
         let at = core.seconds(start.time).map_or_else(String::new, |time| format!(" at {time:.3} s"));
         let why = match start.cause {
             BootCause::Commanded { .. } => "commanded",

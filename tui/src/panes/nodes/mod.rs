@@ -221,7 +221,8 @@ impl Nodes {
         }
         let names: Vec<_> = signals.iter().map(|signal| signal.name.clone()).collect();
         let said = Effect::Say(format!("on the plot: {}", names.join(", ")));
-        signals.into_iter().map(Effect::Plot).chain([said]).collect()
+        let shown = Effect::Show(PaneId::Signals);
+        signals.into_iter().map(Effect::Plot).chain([shown, said]).collect()
     }
 
     fn scroll_gates(&mut self, action: Action, core: &Core) -> Vec<Effect> {
@@ -243,7 +244,7 @@ impl Nodes {
         Vec::new()
     }
 
-    fn draw_detail(&self, core: &Core, line: Option<&Line>, area: Rect, buf: &mut Buffer) {
+    fn draw_detail(core: &Core, line: Option<&Line>, area: Rect, buf: &mut Buffer) {
         let theme = &core.theme;
         let rule = theme.glyph(Glyph::Horizontal).repeat(usize::from(area.width));
         draw::put(buf, area.x, area.y, area.width, &rule, theme.style(Role::Border));
@@ -286,7 +287,9 @@ impl Pane for Nodes {
         let lines = self.lines(core);
         let (table, below) = split(area, lines.len());
         let mut columns = columns(area.width);
-        columns.iter_mut().for_each(|column| column.title = plain(&core.theme, &column.title).into());
+        for column in &mut columns {
+            column.title = plain(&core.theme, &column.title).into();
+        }
         let scrolls = u16::from(lines.len() > Table::height(table));
         let room = room(&columns, table.width - scrolls.min(table.width));
         let state = self.state(&lines);
@@ -301,7 +304,7 @@ impl Pane for Nodes {
         let drawn = Table::new(&core.theme, &columns).row_count(lines.len()).rows(row).state(&state);
         drawn.empty(&empty).render(table, buf);
         if !below.is_empty() {
-            self.draw_detail(core, lines.get(state.selected), below, buf);
+            Self::draw_detail(core, lines.get(state.selected), below, buf);
         }
         let chosen = self.gates.zip(lines.get(state.selected));
         if let Some((scroll, line)) = chosen
