@@ -3,6 +3,7 @@
 //! ```text
 //! cargo bench -p cobscope-decoder                   # 1,000,000 frames, 7 rounds
 //! cargo bench -p cobscope-decoder -- 10000000 5     # frames, rounds
+//! cargo bench -p cobscope-decoder -- findings       # stages with this in their names only
 //! ```
 //!
 //! Rounds go through all stages in turn, so that a busy moment of the machine meets all of them; the
@@ -60,8 +61,11 @@ struct Stage {
     times: Vec<Duration>,
 }
 
+/// The stage all others are compared with.
+const FLOOR: &str = "newline count";
+
 const STAGES: [(&str, Run); 21] = [
-    ("newline count", |captures| count_newlines(&captures.normal)),
+    (FLOOR, |captures| count_newlines(&captures.normal)),
     ("candump, frames only", |captures| read(&captures.normal)),
     ("candump to events", |captures| decode(&captures.normal, &mut ignore)),
     ("candump to findings", |captures| judge(&captures.normal, SessionOptions::default())),
@@ -85,12 +89,16 @@ const STAGES: [(&str, Run); 21] = [
 ];
 
 fn main() -> Outcome {
-    // `cargo bench` itself adds options; only numbers are ours.
-    let mut numbers = std::env::args().filter_map(|argument| argument.parse::<usize>().ok());
+    // `cargo bench` itself adds options; only numbers and parts of names are ours.
+    let arguments: Vec<String> = std::env::args().skip(1).filter(|it| !it.starts_with('-')).collect();
+    let (numbers, wanted): (Vec<_>, Vec<_>) = arguments.iter().partition(|it| it.parse::<usize>().is_ok());
+    let mut numbers = numbers.into_iter().filter_map(|number| number.parse::<usize>().ok());
     let frames = numbers.next().unwrap_or(1_000_000).max(1);
     let rounds = numbers.next().unwrap_or(7).max(1);
     let captures = captures(Path::new(env!("CARGO_TARGET_TMPDIR")), frames)?;
-    let mut stages = STAGES.map(|(name, run)| Stage { name, run, times: Vec::new() });
+    let is_wanted = |name: &str| wanted.is_empty() || wanted.iter().any(|part| name.contains(part.as_str()));
+    let stages = STAGES.into_iter().filter(|(name, _)| *name == FLOOR || is_wanted(name));
+    let mut stages: Vec<_> = stages.map(|(name, run)| Stage { name, run, times: Vec::new() }).collect();
     for _ in 0..=rounds {
         for stage in &mut stages {
             let begin = now();

@@ -39,6 +39,8 @@ const BIT_RATES: std::ops::RangeInclusive<u32> = 1_000..=10_000_000;
 pub struct Settings {
     /// Bits a second.
     pub bit_rate: Option<u32>,
+    /// Name of the NMT master.
+    pub master: Option<String>,
     /// Names of nodes by node.
     pub names: Vec<(NodeId, String)>,
     /// What identifiers mean.
@@ -124,6 +126,11 @@ impl BusFile {
         self.of(bus).find_map(|settings| settings.bit_rate)
     }
 
+    /// Name of the NMT master of a bus.
+    pub fn master<'a>(&'a self, bus: &'a str) -> Option<&'a str> {
+        self.of(bus).find_map(|settings| settings.master.as_deref())
+    }
+
     /// Name of a node.
     pub fn name<'a>(&'a self, bus: &'a str, node: NodeId) -> Option<&'a str> {
         let mut names = self.of(bus).flat_map(|settings| &settings.names);
@@ -175,6 +182,15 @@ impl BusFile {
         self.placed(|settings| &settings.devices)
     }
 
+    /// Numbers of the rules of devices: profile, rule, key, value.
+    pub fn device_tolerances(&self) -> impl Iterator<Item = (&str, &str, &str, f64)> {
+        let rules = self.judgement.rules.iter();
+        let rules = rules.filter_map(|one| Some((one.rule.split_once(':')?, &one.tolerances)));
+        rules.flat_map(|((profile, rule), all)| {
+            all.iter().map(move |(key, _, value)| (profile, rule, key.as_str(), *value))
+        })
+    }
+
     /// EDS, DCF and XDD files of nodes, alike.
     pub fn device_files(&self) -> impl Iterator<Item = (Option<&str>, NodeId, &str)> {
         self.placed(|settings| &settings.device_files)
@@ -217,8 +233,10 @@ mod tests {
     fn everything_a_bus_file_can_say() {
         let file = BusFile::parse(
             r#"
+            master = "PC"
             [bus.can0]
             bitrate = 250000
+            master = "PLC"
             [bus.can0.node.0x05]
             name = "pump"
             [node.5]
@@ -249,6 +267,7 @@ mod tests {
         let file = file.unwrap();
         assert_eq!((file.bit_rate("can0"), file.bit_rate("can1")), (Some(250_000), None));
         assert_eq!((file.name("can0", NODE), file.name("can1", NODE)), (Some("pump"), Some("any")));
+        assert_eq!((file.master("can0"), file.master("can1")), (Some("PLC"), Some("PC")));
         let owners: Vec<_> = file.owners("can1").collect();
         assert_eq!(owners[0], (CanId::standard(0x1A0), Owner::Pdo(TPDO1, 5)));
         assert_eq!(owners[1], (CanId::extended(0x1A1), Owner::Sdo(Side::Client, 5)));

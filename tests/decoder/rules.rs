@@ -60,12 +60,12 @@ pub fn parse(name: &str, text: &str) -> Annotated {
     let mut options = SessionOptions::default();
     let mut catalogue = Catalogue::default();
     let mut frames = String::new();
-    let (mut marks, mut number) = (Vec::new(), 0);
+    let (mut marks, mut number, mut given) = (Vec::new(), 0, Vec::new());
     for line in text.lines() {
         if let Some(text) = line.strip_prefix("#|") {
             writeln!(bus_file, "{}", text.strip_prefix(' ').unwrap_or(text)).unwrap();
         } else if let Some(text) = line.strip_prefix("#!") {
-            option(text.trim(), &mut options, &mut catalogue);
+            given.push(text.trim());
         } else if let Some(text) = line.strip_prefix("#~").or_else(|| line.strip_prefix("#-")) {
             let mut words = text.split_whitespace();
             let rule = words.next().unwrap().to_owned();
@@ -79,6 +79,12 @@ pub fn parse(name: &str, text: &str) -> Annotated {
         }
     }
     options.bus_file = BusFile::parse(&bus_file).unwrap_or_else(|error| panic!("{name}: {error}"));
+    for (profile, rule, key, value) in options.bus_file.device_tolerances() {
+        catalogue.set_tolerance(profile, rule, key, value);
+    }
+    for given in given {
+        option(given, &mut options, &mut catalogue);
+    }
     for (bus, node, profile) in options.bus_file.devices() {
         let device = catalogue.device(profile).unwrap();
         let bus = bus.map(Into::into);

@@ -27,7 +27,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("sink", &["frame", "wire", "profile", "event", "finding", "session", "query", "statistics", "rules"]),
     ("why", &["frame", "wire", "profile", "event", "session", "query", "statistics", "sink"]),
     ("decoder", &["frame", "capture", "wire", "profile", "event", "session", "query", "statistics", "sink"]),
-    ("replay", &["frame", "capture", "event", "session", "statistics", "sink", "decoder"]),
+    ("replay", &["frame", "wire", "capture", "event", "session", "statistics", "sink", "decoder"]),
     ("samples", &["bus_file", "frame", "capture", "wire", "profile", "event", "session", "decoder"]),
 ];
 

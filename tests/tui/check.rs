@@ -63,6 +63,26 @@ fn the_page() {
     assert_eq!((output.code, output.stderr.as_str()), (1, ""));
 }
 
+#[test]
+fn a_node_that_goes_on_without_its_heartbeat_is_not_called_silent() {
+    // Heartbeats of 1 s: {216} at 13.2 s, {267} at 16.2 s; TPDO2 {253} between.
+    let output = check(&["--node", "1=wandfluh-md2", "fixtures/devices/md2.log"]);
+    assert!(output.stdout.contains("no heartbeat since {216}, though it sent {253}, was operational"));
+}
+
+#[test]
+fn the_reason_of_a_cut_capture_is_said_once() {
+    // A gzip member (RFC 1952) whose one stored block (RFC 1951 §3.2.4) promises 64 bytes and has a line of 40.
+    let mut bytes = vec![0x1F, 0x8B, 8, 0, 0, 0, 0, 0, 0, 3, 0, 64, 0, !64, 0xFF];
+    bytes.extend(b"(1700000000.000000) can0 123#1122334455\n");
+    let path = folder("cut").join("cut.log.gz");
+    fs::write(&path, bytes).unwrap();
+    let output = check(&[text(&path)]);
+    let reason = output.stderr.trim_end().split("reading failed: ").nth(1).unwrap();
+    assert!(!reason.is_empty() && !reason.contains(": "), "{reason}");
+    assert!(output.stdout.contains(&format!("reading failed: {reason}\n")), "{}", output.stdout);
+}
+
 /// `fixtures/incidents/`: what is said of each capture is written beside it by hand.
 #[test]
 fn one_trouble_is_one_incident() {

@@ -17,4 +17,6 @@ mod screens;
 mod stats;
 #[path = "../support/mod.rs"]
 mod support;
+mod terminal;
+mod traces;
 mod why;

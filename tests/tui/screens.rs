@@ -1,4 +1,4 @@
-//! Screens of the terminal UI: each file of `screens/` is a session, command, keys and what is seen.
+//! Screens of the terminal UI: each file of `screens/` is a session, command, keys, clicks and what is seen.
 //!
 //! ```text
 //! > cobscope view --node 32=danfoss-pve-ci fixtures/devices/pve.log
@@ -20,6 +20,7 @@ use cobscope::app::App;
 use cobscope::timeline::News;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
+use ratatui::crossterm::event::{KeyModifiers, MouseButton, MouseEvent, MouseEventKind};
 use ratatui::style::Modifier;
 
 use crate::support::workspace;
@@ -37,7 +38,6 @@ struct Screen {
 impl Screen {
     fn open(command: &str, width: u16, height: u16) -> Self {
         let words = shell_words(command.strip_prefix("cobscope ").unwrap());
-        let words: Vec<String> = words.iter().map(|word| in_workspace(word)).collect();
         let (mut app, news) = cobscope::open_view(&words).unwrap();
         app.resize(width, height);
         let terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
@@ -66,27 +66,29 @@ impl Screen {
         }
     }
 
+    /// Presses the mouse at `column,line`, both from 0.
+    fn click(&mut self, place: &str) {
+        let (column, row) = place.split_once(',').unwrap();
+        let (column, row) = (column.parse().unwrap(), row.parse().unwrap());
+        let kind = MouseEventKind::Down(MouseButton::Left);
+        self.app.mouse(MouseEvent { kind, column, row, modifiers: KeyModifiers::NONE });
+        self.settle();
+    }
+
     fn text(&mut self) -> String {
         self.terminal.draw(|frame| self.app.draw(frame.area(), frame.buffer_mut())).unwrap();
         let buffer = self.terminal.backend().buffer();
-        let folder = format!("{}/", workspace().display());
         let mut text = String::new();
         for y in 0..buffer.area.height {
             let cells: Vec<_> = (0..buffer.area.width).filter_map(|x| buffer.cell((x, y))).collect();
             let line: String = cells.iter().map(|cell| cell.symbol()).collect();
             let reversed = cells.iter().filter(|cell| cell.modifier.contains(Modifier::REVERSED)).count();
             let mark = if y > 1 && reversed >= LEAST_SELECTED { "▶ " } else { "  " };
-            text += format!("{mark}{}", line.replace(&folder, "")).trim_end();
+            text += format!("{mark}{line}").trim_end();
             text.push('\n');
         }
         text
     }
-}
-
-/// Paths of the fixtures, from wherever the test runs.
-fn in_workspace(word: &str) -> String {
-    let path = workspace().join(word);
-    if word.contains('/') && path.exists() { path.display().to_string() } else { word.to_owned() }
 }
 
 /// Words as a shell would have them, with single quotes.
@@ -131,7 +133,12 @@ fn play(session: &str) -> String {
                 screen.keys(keys);
                 played += &screen.text();
             }
-            (other, _) => panic!("{other}: expected cobscope, size or keys"),
+            ("click", place) => {
+                let screen = screen.get_or_insert_with(|| Screen::open(&command, size.0, size.1));
+                screen.click(place);
+                played += &screen.text();
+            }
+            (other, _) => panic!("{other}: expected cobscope, size, keys or click"),
         }
     }
     played
@@ -139,6 +146,8 @@ fn play(session: &str) -> String {
 
 #[test]
 fn every_session_shows_what_stands_in_its_file() {
+    // Paths are on the screen, cut where there is no room: they must not depend on where the workspace is.
+    std::env::set_current_dir(workspace()).unwrap();
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/tui/screens");
     let mut paths: Vec<_> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
     paths.sort();

@@ -69,16 +69,35 @@ fn give_back() {
 /// # Errors
 /// When no thread can be started.
 pub fn listen(messages: Sender<Message>) -> anyhow::Result<()> {
+    let inputs = messages.clone();
     let listen = move || {
         loop {
             let message = event::read().map_or(Message::Gone, Message::Input);
             let is_gone = matches!(message, Message::Gone);
-            if messages.send(message).is_err() || is_gone {
+            if inputs.send(message).is_err() || is_gone {
                 return;
             }
         }
     };
+    #[cfg(unix)]
+    mind_signals(messages)?;
     std::thread::Builder::new().name("input".into()).spawn(listen).context("no thread can be started")?;
+    Ok(())
+}
+
+/// Being told to end, or losing the terminal, is leaving.
+#[cfg(unix)]
+fn mind_signals(messages: Sender<Message>) -> anyhow::Result<()> {
+    use signal_hook::consts::{SIGHUP, SIGTERM};
+    let mut signals =
+        signal_hook::iterator::Signals::new([SIGHUP, SIGTERM]).context("signals cannot be minded")?;
+    let mind = move || {
+        if signals.forever().next().is_some() {
+            // The application may be gone already.
+            let _ = messages.send(Message::Gone);
+        }
+    };
+    std::thread::Builder::new().name("signals".into()).spawn(mind).context("no thread can be started")?;
     Ok(())
 }
 
@@ -109,6 +128,7 @@ pub fn run(app: &mut App, screen: &mut Screen, messages: &Receiver<Message>) -> 
                 Message::Gone => return Ok(()),
             }
         }
+        app.tick();
         for output in app.outputs() {
             match output {
                 Output::Quit => return Ok(()),

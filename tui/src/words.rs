@@ -6,7 +6,7 @@
 //! ```
 
 use cobscope_decoder::session::Bus;
-use cobscope_decoder::statistics::{BusStatistics, Intervals, Quality};
+use cobscope_decoder::statistics::{BusStatistics, Intervals, Quality, span};
 
 use crate::figures::{bits, millis, seconds, tenths};
 
@@ -46,9 +46,9 @@ pub fn faults(quality: &Quality) -> Vec<String> {
         faults.push(format!("{} frames lost by the recorder", quality.lost));
     }
     if quality.clock_steps.0 > 0 {
-        let largest = seconds(quality.clock_steps.1.saturating_neg());
-        faults
-            .push(format!("{} backward steps of the stamps, the largest {largest} s", quality.clock_steps.0));
+        let (steps, largest) = (quality.clock_steps.0, span(quality.clock_steps.1.saturating_neg()));
+        let steps = if steps == 1 { "1 backward step".to_owned() } else { format!("{steps} backward steps") };
+        faults.push(format!("{steps} of the stamps, the largest {largest}"));
     }
     if quality.silences.0 > 0 {
         let longest = seconds(quality.silences.1);

@@ -32,6 +32,8 @@ pub(super) struct File {
     #[serde(default)]
     dbc: Files,
     #[serde(default)]
+    master: Option<String>,
+    #[serde(default)]
     bus: BTreeMap<String, Bus>,
     #[serde(default)]
     node: Nodes,
@@ -52,6 +54,8 @@ pub(super) struct File {
 struct Bus {
     #[serde(default)]
     bitrate: Option<Spanned<i64>>,
+    #[serde(default)]
+    master: Option<String>,
     #[serde(default)]
     dbc: Files,
     #[serde(default)]
@@ -162,11 +166,11 @@ pub(super) const NO_IDENTIFIER: &str =
 impl File {
     /// What the file says, or the first thing wrong with it.
     pub(super) fn check(self) -> Result<BusFile, Wrong> {
-        let everywhere =
-            Settings { databases: self.dbc.into(), ..settings(None, self.node, self.id, self.uds)? };
+        let everywhere = settings(None, self.node, self.id, self.uds)?;
+        let everywhere = Settings { databases: self.dbc.into(), master: self.master, ..everywhere };
         let buses = self.bus.into_iter().map(|(name, bus)| {
             let settings = settings(bus.bitrate, bus.node, bus.id, bus.uds)?;
-            Ok((name, Settings { databases: bus.dbc.into(), ..settings }))
+            Ok((name, Settings { databases: bus.dbc.into(), master: bus.master, ..settings }))
         });
         let judgement = judgement::check(self.rules, self.suppress, self.expect)?;
         Ok(BusFile { everywhere, buses: buses.collect::<Result<_, Wrong>>()?, judgement })

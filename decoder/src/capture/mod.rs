@@ -27,6 +27,7 @@ mod reader;
 mod testing;
 mod text;
 mod trc;
+mod writer;
 
 use std::fmt;
 
@@ -35,6 +36,7 @@ pub use candump::TimeStyle;
 pub use compression::{decompress, is_compressed};
 pub use merged::{Merged, MergedCapture, MergedPosition};
 pub use reader::{Position, Reader};
+pub use writer::{FrameWriter, WritableFormat};
 
 /// Input a parser may be asked to look at before it must take some: longer lines and records are
 /// skipped by it piece by piece.
@@ -96,12 +98,19 @@ impl fmt::Display for Notice {
     }
 }
 
+/// What failed stands in the text, so it is no source: those who print sources too would say it twice.
+impl From<std::io::Error> for CaptureError {
+    fn from(error: std::io::Error) -> Self {
+        Self::Io(error)
+    }
+}
+
 /// Why a capture cannot be read at all, or no further.
 #[derive(Debug, thiserror::Error)]
 pub enum CaptureError {
     /// The source failed.
     #[error("reading failed: {0}")]
-    Io(#[from] std::io::Error),
+    Io(std::io::Error),
     /// No format's reader knows these bytes.
     #[error("not a capture in a known format ({known}); it begins with {found}")]
     Unrecognised {
@@ -198,6 +207,9 @@ pub struct Format {
 
 /// All formats, binary before text, strict before lenient: the first that recognises a capture reads it.
 pub const FORMATS: &[Format] = &[pcapng::FORMAT, pcap::FORMAT, trc::FORMAT, asc::FORMAT, candump::FORMAT];
+
+/// All formats that can be written.
+pub const WRITABLE: &[WritableFormat] = &[candump::WRITABLE, pcapng::WRITABLE];
 
 /// The format that recognises these first bytes.
 pub fn detect(head: &[u8]) -> Option<&'static Format> {

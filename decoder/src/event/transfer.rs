@@ -29,6 +29,12 @@ impl Pdo {
         let length = if self.is_request { 0 } else { usize::from(self.length) };
         self.bytes.get(..length).unwrap_or(&self.bytes)
     }
+
+    /// The first eight bytes as a number, least significant byte first; bytes beyond the payload are zero.
+    #[inline]
+    pub fn word(&self) -> u64 {
+        self.bytes.first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes))
+    }
 }
 
 /// Direction of an SDO transfer as CiA 301 names it.

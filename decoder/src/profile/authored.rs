@@ -51,6 +51,7 @@ pub(super) struct Authored {
     effect: Option<Effect>,
     invalidates: Vec<ObjectRange>,
     channel: Option<u8>,
+    open_loop: Vec<i64>,
     modes: Vec<Spanned<Authored>>,
     only: Only,
     source: Option<String>,
@@ -223,6 +224,7 @@ fn entry(
         effect: authored.effect.unwrap_or_default(),
         invalidates: authored.invalidates.clone(),
         channel: authored.channel,
+        open_loop: authored.open_loop.clone(),
         only: authored.only.clone(),
         source: authored.source.clone().unwrap_or_else(|| source.to_owned()),
         note: authored.note.clone().unwrap_or_default(),
@@ -274,6 +276,7 @@ impl Authored {
             ("bits", self.bits.is_some()),
             ("storage", self.storage.is_some()),
             ("effect", self.effect.is_some()),
+            ("open_loop", !self.open_loop.is_empty()),
             ("modes", !self.modes.is_empty()),
         ];
         keys.iter().find(|(_, there)| *there).map(|(key, _)| *key)

@@ -13,6 +13,8 @@ use super::position::TextError;
 #[derive(Debug, Default)]
 pub struct Catalogue {
     user: Vec<UserProfile>,
+    /// Profile, rule, key and value: what the user set of the rules of devices.
+    tolerances: Vec<(String, String, String, f64)>,
     read: Mutex<BTreeMap<String, Arc<Device>>>,
 }
 
@@ -158,6 +160,12 @@ impl Catalogue {
         });
     }
 
+    /// Sets a number of a device's rule instead of the one its profile has; for devices that are asked for from now on.
+    pub fn set_tolerance(&mut self, profile: &str, rule: &str, key: &str, value: f64) {
+        self.tolerances.push((profile.to_owned(), rule.to_owned(), key.to_owned(), value));
+        self.read.get_mut().unwrap_or_else(PoisonError::into_inner).clear();
+    }
+
     /// Whether a profile of this id is a device file's.
     pub fn is_device_file(&self, id: &str) -> bool {
         let user = self.user.iter().rev().find(|user| user.id == id);
@@ -225,7 +233,15 @@ impl Catalogue {
             let wrong = |error: ProfileError| broken(vec![TextError::at(text, span, error.to_string())]);
             standards.push(standard.map_err(wrong)?);
         }
-        Ok(Arc::new(file.device(variant, &standards)))
+        let mut device = file.device(variant, &standards);
+        for (_, rule, key, value) in self.tolerances.iter().filter(|(profile, ..)| profile == id) {
+            device
+                .rules
+                .iter_mut()
+                .filter(|own| own.name == *rule)
+                .for_each(|own| own.set_tolerance(key, *value));
+        }
+        Ok(Arc::new(device))
     }
 
     fn unknown(&self, id: &str) -> ProfileError {

@@ -14,7 +14,7 @@ use super::device::{Condition, Device, Machine, MessageSpec, PdoField, ProfileFi
 use super::dictionary::{Dictionary, Entry, Object};
 use super::formula::formula;
 use super::layout::PdoName;
-use super::object::{BitNames, Given, Look, Names, Only, Scale, When};
+use super::object::{BitNames, Given, Look, Names, Only, Role, Scale, When};
 use super::position::TextError;
 use super::reference::Reference;
 use crate::wire::canopen::ObjectAddress;
@@ -113,6 +113,19 @@ impl Check<'_> {
         }
         if let Some(save) = entry.save {
             self.known(save, &entry.span, "save");
+        }
+        self.open_loop(entry, data_type);
+    }
+
+    fn open_loop(&mut self, entry: &Entry, data_type: DataType) {
+        if !entry.open_loop.is_empty() && entry.look.role != Some(Role::Mode) {
+            self.say(&entry.span, "open_loop stands at a mode: role = \"mode\"");
+        }
+        for value in &entry.open_loop {
+            self.number(*value, data_type, "open_loop", &entry.span);
+            if entry.look.values.as_ref().is_some_and(|names| names.get(*value).is_none()) {
+                self.say(&entry.span, format!("open_loop {value} is none of its values"));
+            }
         }
     }
 
@@ -470,6 +483,20 @@ mod tests {
             ["2: default '0x80+$NODE' is no number: write 5 or \"$NODEID+0x200\""]
         );
         assert_eq!(errors(&object("unit = \"bar\"")), ["2: a value that is described needs its type"]);
+    }
+
+    #[test]
+    fn a_mode_says_in_which_values_the_loop_is_open() {
+        let mode = |keys: &str| errors(&object(&format!("type = \"INTEGER8\"\n{keys}")));
+        let names = "values = { 1 = \"open\", 2 = \"closed\" }";
+        assert_eq!(mode(&format!("role = \"mode\"\nopen_loop = [1]\n{names}")), [""; 0]);
+        let wrong = mode(&format!("role = \"mode\"\nopen_loop = [3]\n{names}"));
+        assert_eq!(wrong, ["2: open_loop 3 is none of its values"]);
+        let wrong = mode("open_loop = [128]");
+        assert_eq!(
+            wrong,
+            ["2: open_loop stands at a mode: role = \"mode\"", "2: open_loop 128 does not fit INTEGER8"]
+        );
     }
 
     #[test]

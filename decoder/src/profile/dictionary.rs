@@ -57,6 +57,8 @@ pub struct Entry {
     /// Objects whose known value is void after a write.
     pub invalidates: Vec<ObjectRange>,
     pub(super) channel: Option<u8>,
+    /// Raw values of a mode in which measured values do not follow set points.
+    pub open_loop: Vec<i64>,
     /// Variants it belongs to.
     pub only: Only,
     /// Section.

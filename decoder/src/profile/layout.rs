@@ -278,13 +278,17 @@ impl Field {
         let first = usize::from(self.bit / 8);
         let end = usize::from(self.end()?.div_ceil(8));
         let bytes = payload.get(first..end)?;
+        let mask = if self.bits >= 64 { u64::MAX } else { (1 << self.bits) - 1 };
+        if self.order == BitOrder::LittleEndian && bytes.len() <= 8 {
+            let word = bytes.iter().rev().fold(0, |word: u64, byte| word << 8 | u64::from(*byte));
+            return Some(word >> (self.bit % 8) & mask);
+        }
         // Up to nine bytes: 64 bits that do not start at a byte.
         let join = |value: u128, byte: &u8| value << 8 | u128::from(*byte);
         let (wide, below) = match self.order {
             BitOrder::LittleEndian => (bytes.iter().rev().fold(0, join), self.bit % 8),
             BitOrder::BigEndian => (bytes.iter().fold(0, join), (8 - self.end()? % 8) % 8),
         };
-        let mask = if self.bits >= 64 { u64::MAX } else { (1 << self.bits) - 1 };
         #[expect(clippy::cast_possible_truncation, reason = "masked to 64 bits")]
         let low = (wide >> below) as u64;
         Some(low & mask)

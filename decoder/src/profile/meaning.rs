@@ -166,6 +166,24 @@ impl Meaning {
         outside_range || outside_limits
     }
 
+    /// Between which raw numbers no value lies outside; `None` where that is not told by their ends.
+    pub fn inside(&self) -> Option<[i64; 2]> {
+        let [mut least, mut most] = self.range.unwrap_or([i64::MIN, i64::MAX]);
+        if let Some([low, high]) = self.limits {
+            let (factor, offset) = self.scale.map_or((1.0, 0.0), |scale| (scale.factor, scale.offset));
+            let ends = [low, high].map(|limit| (limit - offset) / factor);
+            if !ends.iter().all(|end| end.is_finite()) {
+                return None;
+            }
+            #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+            let [low, high] = [ends[0].min(ends[1]).ceil() as i64, ends[0].max(ends[1]).floor() as i64];
+            (least, most) = (least.max(low), most.min(high));
+        }
+        // A quantity rises or falls with its number: what holds at both ends holds between them.
+        let is_right = |number| !self.is_outside(&Value::Integer(number));
+        (least <= most && is_right(least) && is_right(most)).then_some([least, most])
+    }
+
     /// The value as people write it: `157.5 bar`, `CAN bus`, `80000185h`, `pressure control`.
     pub fn show(&self, value: &Value) -> String {
         if let Some(label) = self.label(value) {
@@ -181,6 +199,18 @@ impl Meaning {
             Some(quantity) => self.with_unit(&format!("{quantity:.*}", usize::from(self.decimals))),
             None => self.with_unit(&self.plain(value)),
         }
+    }
+
+    /// The same with its sign where it can have either, and a remark where the manual does not permit it.
+    pub fn signed(&self, value: &Value) -> String {
+        let text = self.show(value);
+        let shows = 0.5 / 10_f64.powi(i32::from(self.decimals));
+        let is_positive = self.scaled(value).is_some_and(|quantity| quantity >= shows);
+        let both_ways = self.range.is_some_and(|[least, _]| least < 0)
+            || self.limits.is_some_and(|[least, _]| least < 0.0);
+        let sign = if is_positive && both_ways { "+" } else { "" };
+        let outside = if self.is_outside(value) { " (outside)" } else { "" };
+        format!("{sign}{text}{outside}")
     }
 
     fn with_unit(&self, number: &str) -> String {

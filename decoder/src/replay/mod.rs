@@ -9,8 +9,10 @@
 //! A checkpoint shares the object stores with its neighbours as long as nothing changed in them, so it
 //! costs what the buses themselves hold ([`World::footprint`]).
 
+mod latest;
 mod world;
 
+pub use latest::{Code, Latest, LatestOfNode, Start};
 pub use world::{Counts, Spot, Told, World};
 
 use crate::capture::MergedPosition;

@@ -1,5 +1,6 @@
 //! Everything known of a capture at one place in it.
 
+use super::Latest;
 use crate::capture::{BusNames, Item, Notice};
 use crate::decoder::Decoder;
 use crate::event::{Event, EventKind};
@@ -48,6 +49,7 @@ pub struct Told<'a> {
 pub struct World {
     decoder: Decoder,
     identifiers: Identifiers,
+    latest: Latest,
     news: News,
     spot: Spot,
     zero: Option<Timestamp>,
@@ -72,6 +74,7 @@ impl World {
         Self {
             decoder: Decoder::new(options),
             identifiers: Identifiers::default(),
+            latest: Latest::default(),
             news: News::default(),
             spot: Spot::default(),
             zero: None,
@@ -102,6 +105,7 @@ impl World {
             place,
             frame: Some(frame),
             identifiers: &mut self.identifiers,
+            latest: &mut self.latest,
             news: &mut self.news,
             spot: &mut self.spot,
             counts: &mut self.counts,
@@ -130,6 +134,7 @@ impl World {
             place: None,
             frame: None,
             identifiers: &mut self.identifiers,
+            latest: &mut self.latest,
             news: &mut self.news,
             spot: &mut self.spot,
             counts: &mut self.counts,
@@ -146,6 +151,11 @@ impl World {
     /// What each identifier carried last.
     pub fn identifiers(&self) -> &Identifiers {
         &self.identifiers
+    }
+
+    /// What happened last to each node.
+    pub fn latest(&self) -> &Latest {
+        &self.latest
     }
 
     /// Place of the next event, if the frame taken last brings one more.
@@ -175,7 +185,10 @@ impl World {
 
     /// Bytes a checkpoint holds of its own.
     pub fn footprint(&self) -> usize {
-        self.decoder.footprint() + self.identifiers.footprint() + self.news.footprint()
+        self.decoder.footprint()
+            + self.identifiers.footprint()
+            + self.latest.footprint()
+            + self.news.footprint()
     }
 }
 
@@ -184,6 +197,7 @@ struct Teller<'a, F> {
     place: Option<usize>,
     frame: Option<&'a Frame>,
     identifiers: &'a mut Identifiers,
+    latest: &'a mut Latest,
     news: &'a mut News,
     spot: &'a mut Spot,
     counts: &'a mut Counts,
@@ -202,6 +216,7 @@ impl<F: FnMut(Told<'_>)> Observer for Teller<'_, F> {
         {
             self.identifiers.event(place, event);
         }
+        self.latest.event(event);
         let is_news = self.news.has(event);
         (self.out)(Told { spot: *self.spot, event, bus, frame: self.frame, is_news });
         self.spot.ordinal = self.spot.ordinal.saturating_add(1);

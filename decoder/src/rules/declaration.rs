@@ -33,7 +33,8 @@ pub struct Declaration {
     pub title: &'static str,
     /// Doc comment.
     pub explanation: &'static str,
-    /// Kinds of events it looks at.
+    /// Kinds of events it looks at. Of PDOs, `tpdo` and `rpdo` mean those of one direction, `pdo-changed` those with
+    /// another payload, all without requests; `pdo-request` requests alone.
     pub kinds: &'static [&'static str],
     /// Cases of CiA's test plan it judges.
     pub cases: &'static [&'static str],

@@ -13,7 +13,7 @@ use super::meter::Meter;
 use super::setup::Setup;
 use super::traffic::Traffic;
 use super::{REGISTRY, Rule};
-use crate::event::{Event, EventKind, FrameRange, Protocol};
+use crate::event::{Event, EventKind, FrameRange, Pdo, Protocol};
 use crate::finding::Findings;
 use crate::frame::Frame;
 use crate::query::KindSet;
@@ -161,7 +161,7 @@ impl Engine {
         for bus in buses {
             self.tell(bus, is_timed, out);
         }
-        let notes = notes(&self.quality);
+        let notes = self.quality.limits();
         self.ledger.into_findings(is_timed, notes)
     }
 
@@ -196,35 +196,6 @@ impl Engine {
             out.event(&event, bus);
         }
     }
-}
-
-/// What limits the verdicts.
-fn notes(quality: &Quality) -> Vec<String> {
-    let mut notes = Vec::new();
-    if quality.first.is_none() {
-        notes.push("the capture has no times: rules about times are not exercised".to_owned());
-    }
-    if let Some(interval) = quality.made_up_interval() {
-        let milliseconds = interval / 1_000_000;
-        notes.push(format!(
-            "the stamps are made up, one each {milliseconds} ms: rules about times are not exercised"
-        ));
-    }
-    if quality.lost > 0 {
-        notes.push(format!("the recorder lost {} frames", quality.lost));
-    }
-    if quality.unreadable > 0 {
-        notes.push(format!("{} lines or records could not be read", quality.unreadable));
-    }
-    let (steps, largest) = quality.clock_steps;
-    if steps > 0 {
-        let milliseconds = largest.saturating_neg() / 1_000_000;
-        notes.push(format!("stamps went back {steps} times, by {milliseconds} ms at most"));
-    }
-    if quality.error_frames > 0 {
-        notes.push(format!("{} error frames", quality.error_frames));
-    }
-    notes
 }
 
 impl BusJudge {
@@ -294,19 +265,39 @@ impl BusJudge {
             self.all(bus, ledger, |rule, context| rule.second(context));
         }
         match &event.kind {
-            EventKind::Pdo(pdo) => self.shared.traffic.saw_pdo(pdo, self.shared.now, event.frames.last),
+            EventKind::Pdo(pdo) => self.pdo(pdo, event, bus, ledger),
+            _ => self.other(event, bus, ledger),
+        }
+    }
+
+    /// Most events are PDOs: no rule changes its mind about them because of one, requests apart.
+    #[inline]
+    fn pdo(&mut self, pdo: &Pdo, event: &Event, bus: &Bus, ledger: &mut Ledger) {
+        self.shared.traffic.saw_pdo(pdo, self.shared.now, event.frames.last);
+        let mut context = self.shared.context(bus, ledger);
+        for place in self.interests.of_pdo(pdo, event) {
+            if let Some((rule, made)) = self.rules.get_mut(usize::from(*place)) {
+                (context.rule, context.place) = (*rule, *place);
+                made.event(event, &mut context);
+            }
+        }
+        if pdo.is_request || self.has_turned {
+            self.ask_for_pdos();
+        }
+    }
+
+    fn other(&mut self, event: &Event, bus: &Bus, ledger: &mut Ledger) {
+        match &event.kind {
             EventKind::Sync { .. } => self.shared.traffic.saw_sync(),
             EventKind::TestCase(_) => self.shared.is_tested = true,
             _ => {}
         }
-        let is_data = matches!(&event.kind, EventKind::Pdo(pdo) if !pdo.is_request);
         let mut context = self.shared.context(bus, ledger);
-        for place in self.interests.of(event) {
+        for place in self.interests.of(&event.kind) {
             if let Some((rule, made)) = self.rules.get_mut(usize::from(*place)) {
                 (context.rule, context.place) = (*rule, *place);
                 made.event(event, &mut context);
-                self.has_turned |=
-                    !is_data && self.wants.get(usize::from(*place)) != Some(&made.wants_pdos());
+                self.has_turned |= self.wants.get(usize::from(*place)) != Some(&made.wants_pdos());
             }
         }
         if self.has_turned {
@@ -329,10 +320,11 @@ impl BusJudge {
     #[cold]
     fn ask_for_pdos(&mut self) {
         self.has_turned = false;
-        self.wants = self.rules.iter().map(|(_, rule)| rule.wants_pdos()).collect();
-        for (place, wants) in self.wants.iter().enumerate() {
-            if let Ok(place) = u16::try_from(place) {
-                self.interests.want_pdos(place, *wants);
+        self.wants.resize(self.rules.len(), true);
+        for ((place, (_, rule)), known) in (0..).zip(&self.rules).zip(&mut self.wants) {
+            let wants = rule.wants_pdos();
+            if std::mem::replace(known, wants) != wants {
+                self.interests.want_pdos(place, wants);
             }
         }
     }
@@ -369,7 +361,7 @@ impl BusJudge {
         let mut context = shared.context(bus, ledger);
         (context.rule, context.place) = (*rule, place);
         made.wake(token, &mut context);
-        self.has_turned = true;
+        self.has_turned |= self.wants.get(usize::from(place)) != Some(&made.wants_pdos());
     }
 
     /// Calls all rules.

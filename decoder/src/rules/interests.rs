@@ -4,19 +4,22 @@ use crate::event::{Event, EventKind, Pdo};
 use crate::profile::PdoDirection;
 use crate::query::{KIND_COUNT, KindSet};
 
-/// Classes of PDOs: sent or received by the node, request or data, changed or as before.
-const PDO_CLASSES: usize = 8;
+/// Classes of PDOs: sent or received by the node, request or data, changed or as before, fields known for sure or not.
+const PDO_CLASSES: usize = 16;
 
 const RECEIVED: usize = 1;
 const REQUEST: usize = 2;
 const ROUTINE: usize = 4;
+const MAPPED: usize = 8;
 
 /// Whether a class of PDOs is meant.
 type IsMeant = fn(usize) -> bool;
 
 /// Words for some PDOs among the kinds that a rule declares.
-const PDO_WORDS: [(&str, IsMeant); 5] = [
+const PDO_WORDS: [(&str, IsMeant); 7] = [
     ("pdo", |_| true),
+    ("pdo-mapped", |class| class & (REQUEST | MAPPED) == MAPPED),
+    ("pdo-mapped-changed", |class| class & (REQUEST | ROUTINE | MAPPED) == MAPPED),
     ("tpdo", |class| class & (RECEIVED | REQUEST) == 0),
     ("rpdo", |class| class & (RECEIVED | REQUEST) == RECEIVED),
     ("pdo-changed", |class| class & (REQUEST | ROUTINE) == 0),
@@ -29,7 +32,7 @@ pub(super) struct Interests {
     by_kind: [Vec<u16>; KIND_COUNT],
     pdo: [Vec<u16>; PDO_CLASSES],
     /// Rules that look at PDOs, in their order: place, the classes as bits, whether they want them now.
-    members: Vec<(u16, u8, bool)>,
+    members: Vec<(u16, u16, bool)>,
 }
 
 impl Default for Interests {
@@ -49,7 +52,7 @@ impl Interests {
         self.kinds(kinds, place);
         let wanted: Vec<_> = PDO_WORDS.iter().filter(|(word, _)| words.contains(word)).collect();
         let classes = (0..PDO_CLASSES).filter(|class| wanted.iter().any(|(_, means)| means(*class)));
-        let classes = classes.fold(0_u8, |all, class| all | 1 << class);
+        let classes = classes.fold(0_u16, |all, class| all | 1 << class);
         if classes != 0 {
             self.members.push((place, classes, true));
             self.list_pdos();
@@ -64,7 +67,7 @@ impl Interests {
             }
         }
         if kinds.contains_name("pdo") {
-            self.members.push((place, u8::MAX, true));
+            self.members.push((place, u16::MAX, true));
             self.list_pdos();
         }
     }
@@ -103,35 +106,31 @@ impl Interests {
             }
         }
         if kinds.contains_name("pdo") {
-            self.members.insert(0, (place, u8::MAX, true));
+            self.members.insert(0, (place, u16::MAX, true));
         }
         self.list_pdos();
     }
 
-    /// Who looks at an event, in the order of the rules.
+    /// Who looks at an event that is no PDO, in the order of the rules.
     #[inline]
-    pub(super) fn of(&self, event: &Event) -> &[u16] {
-        let list = match &event.kind {
-            EventKind::Pdo(pdo) => self.pdo.get(class(event, pdo)),
-            kind => self.by_kind.get(KindSet::place(kind)),
-        };
-        list.map_or(&[], Vec::as_slice)
+    pub(super) fn of(&self, kind: &EventKind) -> &[u16] {
+        self.by_kind.get(KindSet::place(kind)).map_or(&[], Vec::as_slice)
+    }
+
+    /// Who looks at a PDO.
+    #[inline]
+    pub(super) fn of_pdo(&self, pdo: &Pdo, event: &Event) -> &[u16] {
+        self.pdo.get(class(event, pdo)).map_or(&[], Vec::as_slice)
     }
 }
 
 #[inline]
 fn class(event: &Event, pdo: &Pdo) -> usize {
-    let mut class = 0;
-    if pdo.name.direction == PdoDirection::Receive {
-        class |= RECEIVED;
-    }
-    if pdo.is_request {
-        class |= REQUEST;
-    }
-    if event.routine {
-        class |= ROUTINE;
-    }
-    class
+    let bit = |is_set: bool, bit: usize| if is_set { bit } else { 0 };
+    bit(pdo.name.direction == PdoDirection::Receive, RECEIVED)
+        | bit(pdo.is_request, REQUEST)
+        | bit(event.routine, ROUTINE)
+        | bit(pdo.layout.as_ref().is_some_and(|layout| !layout.assumed), MAPPED)
 }
 
 /// Whether a rule may declare this word.
@@ -162,7 +161,14 @@ mod tests {
         interests.declared(&["pdo-request", "tpdo"], 3);
         let lists: Vec<_> = interests.pdo.iter().map(Vec::as_slice).collect();
         let wanted: [&[u16]; 8] = [&[2, 3], &[1, 2], &[3], &[3], &[3], &[1], &[3], &[3]];
-        assert_eq!(lists, wanted);
+        assert_eq!(lists, [wanted, wanted].concat());
         assert_eq!(interests.by_kind.iter().flatten().count(), 1);
+        let mut interests = Interests::default();
+        interests.declared(&["pdo-mapped"], 1);
+        interests.declared(&["pdo-mapped-changed"], 2);
+        let lists: Vec<_> = interests.pdo.iter().skip(MAPPED).map(Vec::as_slice).collect();
+        let wanted: [&[u16]; 8] = [&[1, 2], &[1, 2], &[], &[], &[1], &[1], &[], &[]];
+        assert_eq!(lists, wanted);
+        assert!(interests.pdo.iter().take(MAPPED).all(Vec::is_empty));
     }
 }

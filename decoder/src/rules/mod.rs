@@ -35,7 +35,7 @@ pub use meter::{Meter, Second};
 pub use names::check_names;
 pub use nodes::{NodeMap, NodeSet};
 pub use setup::Setup;
-pub use traffic::{PdoSlot, Traffic};
+pub use traffic::{BySlot, PdoSlot, Traffic};
 
 use crate::event::Event;
 use crate::query::KindSet;

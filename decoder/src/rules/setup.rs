@@ -1,6 +1,6 @@
 //! What is judged and how strictly: the rules there are, with what the bus file says of them.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 use super::declaration::Declaration;
@@ -8,6 +8,7 @@ use super::declarations;
 use super::expectation::Expectation;
 use crate::bus_file::{self, BusFile, RuleSettings, Suppression};
 use crate::finding::{Group, RuleInfo, Severity, SuppressionUse};
+use crate::profile::device::DeviceRule;
 use crate::profile::{Catalogue, TextError};
 use crate::query::fields::distance;
 use crate::wire::NodeId;
@@ -76,13 +77,17 @@ impl Setup {
     /// Holds what the bus file says of the rules of devices to the profiles there are.
     ///
     /// # Errors
-    /// Profiles and rules that do not exist, with the place in `text`.
+    /// Profiles, rules and tolerances that do not exist, with the place in `text`.
     pub fn check_devices(&self, file: &BusFile, text: &str, catalogue: &Catalogue) -> Result<(), TextError> {
+        for settings in &file.judgement.rules {
+            check_tolerances(settings, catalogue, text)?;
+        }
         let settings = file.judgement.rules.iter().map(|one| (&one.rule, &one.span));
         let suppressed = self.suppressions.iter().map(|one| (&one.rule, &one.span));
         for (rule, span) in settings.chain(suppressed) {
             if let Some((profile, name)) = rule.split_once(':') {
                 device_rule(catalogue, profile, name)
+                    .map(|_| ())
                     .map_err(|message| TextError::at(text, span.clone(), message))?;
             }
         }
@@ -131,14 +136,17 @@ impl Setup {
             }
             self.severities.extend(severity.map(|severity| (name.to_owned(), severity)));
         }
+        // Those of a device's rule are known with its profile.
+        if name.contains(':') {
+            return Ok(());
+        }
         let declaration = declarations().find(|declaration| declaration.name == name);
         for (key, span, value) in &settings.tolerances {
             let tolerances = declaration.map_or(&[][..], |declaration| declaration.tolerances);
             let known = tolerances.iter().find(|tolerance| tolerance.key == key).zip(declaration);
             let Some((tolerance, declaration)) = known else {
                 let keys: Vec<_> = tolerances.iter().map(|tolerance| tolerance.key).collect();
-                let has = if keys.is_empty() { "no tolerance".to_owned() } else { keys.join(", ") };
-                return Err(wrong(span, format!("{name} has severity and {has}, not '{key}'")));
+                return Err(wrong(span, no_tolerance(name, &keys, key)));
             };
             self.tolerances.insert((declaration.name, tolerance.key), *value);
         }
@@ -219,19 +227,44 @@ fn covers(suppression: &Suppression, group: &Group) -> bool {
         && suppression.about.as_deref().is_none_or(|about| group.key.about.to_string() == about)
 }
 
-/// Whether a profile, in any of its variants, has a rule.
-fn device_rule(catalogue: &Catalogue, profile: &str, name: &str) -> Result<(), String> {
+fn no_tolerance(rule: &str, keys: &[&str], key: &str) -> String {
+    let has = if keys.is_empty() { "no tolerance".to_owned() } else { keys.join(", ") };
+    format!("{rule} has severity and {has}, not '{key}'")
+}
+
+/// Holds the numbers that are set of a device's rule to those it has.
+fn check_tolerances(settings: &RuleSettings, catalogue: &Catalogue, text: &str) -> Result<(), TextError> {
+    let Some((profile, name)) = settings.rule.split_once(':') else { return Ok(()) };
+    let rule = device_rule(catalogue, profile, name)
+        .map_err(|message| TextError::at(text, settings.span.clone(), message))?;
+    let keys: Vec<_> = rule.tolerances().collect();
+    for (key, span, value) in &settings.tolerances {
+        let message = if !keys.contains(&key.as_str()) {
+            no_tolerance(&settings.rule, &keys, key)
+        } else if *value <= 0.0 {
+            format!("{key} is more than 0")
+        } else {
+            continue;
+        };
+        return Err(TextError::at(text, span.clone(), message));
+    }
+    Ok(())
+}
+
+/// A rule of a profile, in any of its variants.
+fn device_rule(catalogue: &Catalogue, profile: &str, name: &str) -> Result<DeviceRule, String> {
     let device = catalogue.device(profile).map_err(|error| error.to_string())?;
-    let mut names = BTreeSet::new();
+    let mut rules = BTreeMap::new();
     let variants = device.variants.iter().map(|variant| format!("{profile}:{}", variant.id));
     for device in variants.filter_map(|variant| catalogue.device(&variant).ok()).chain([Arc::clone(&device)])
     {
-        names.extend(device.rules.iter().map(|rule| rule.name.clone()));
+        rules.extend(device.rules.iter().map(|rule| (rule.name.clone(), rule.clone())));
     }
-    if names.contains(name) {
-        return Ok(());
+    if let Some(rule) = rules.remove(name) {
+        return Ok(rule);
     }
-    let near = names.iter().find(|known| is_near(known, name));
+    let names = rules.keys();
+    let near = names.into_iter().find(|known| is_near(known, name));
     let meant = near.map_or_else(String::new, |near| format!("; did you mean '{profile}:{near}'?"));
     Err(format!("profile '{profile}' has no rule '{name}'{meant}"))
 }
@@ -273,6 +306,15 @@ mod tests {
         let said = "1:8: profile 'rexroth-sydfec' has no rule 'offset-before-gian'; did you mean \
                     'rexroth-sydfec:offset-before-gain'?";
         assert!(error.starts_with(said), "{error}");
+        let gap = |key: &str| format!("[rules.\"danfoss-pve-ci:avc-gap\"]\n{key}\n");
+        assert_eq!(check(&gap("ms = 300")), Ok(()));
+        let error = check(&gap("milliseconds = 300")).unwrap_err();
+        assert!(
+            error.starts_with("2:1: danfoss-pve-ci:avc-gap has severity and ms, not 'milliseconds'"),
+            "{error}"
+        );
+        let error = check(&gap("ms = 0")).unwrap_err();
+        assert!(error.starts_with("2:1: ms is more than 0"), "{error}");
         let error = check("[[suppress]]\nrule = \"acme:x\"\nreason = \"x\"\n").unwrap_err();
         assert!(error.starts_with("2:8: there is no profile 'acme'"), "{error}");
     }

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use foldhash::fast::FixedState;
 
-use crate::event::Pdo;
+use crate::event::{FrameRange, Pdo};
 use crate::frame::CanId;
 
 /// Intervals the median is taken of.
@@ -72,6 +72,61 @@ impl PdoSlot {
         self.median = self.intervals.get(INTERVALS / 2).copied();
         self.filled = 0;
         self.pause = PAUSE;
+    }
+}
+
+impl PdoSlot {
+    /// From the one before to this one.
+    pub fn between(&self) -> FrameRange {
+        FrameRange { first: self.frames.1, last: self.frames.0 }
+    }
+}
+
+/// What a rule keeps of each identifier's PDOs.
+#[derive(Debug, Clone)]
+pub struct BySlot<T>(Vec<T>);
+
+impl<T> Default for BySlot<T> {
+    fn default() -> Self {
+        Self(Vec::new())
+    }
+}
+
+impl<T: Default> BySlot<T> {
+    /// What is kept of these PDOs; never `None`.
+    #[inline]
+    pub fn of(&mut self, slot: &PdoSlot) -> Option<&mut T> {
+        if self.0.len() <= slot.place {
+            self.grow(slot.place);
+        }
+        self.0.get_mut(slot.place)
+    }
+
+    #[cold]
+    fn grow(&mut self, place: usize) {
+        self.0.resize_with(place + 1, T::default);
+    }
+}
+
+impl<T> BySlot<T> {
+    /// What was kept so far, by place.
+    pub fn get(&self, place: usize) -> Option<&T> {
+        self.0.get(place)
+    }
+
+    /// The same, to be changed.
+    pub fn get_mut(&mut self, place: usize) -> Option<&mut T> {
+        self.0.get_mut(place)
+    }
+
+    /// All that is kept.
+    pub fn iter(&self) -> impl Iterator<Item = &T> {
+        self.0.iter()
+    }
+
+    /// Nothing is kept any more.
+    pub fn clear(&mut self) {
+        self.0.clear();
     }
 }
 

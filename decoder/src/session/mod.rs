@@ -25,7 +25,7 @@ mod timers;
 mod uds;
 
 pub use bus::Bus;
-pub use device::{GateState, GateStatus};
+pub use device::{GateState, GateStatus, Sign, StandingPoint, Watch};
 pub use node::{AssignedBy, NmtStatus, Node};
 pub use store::{Entry, Origin, OriginKind, Store};
 

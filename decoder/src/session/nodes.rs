@@ -23,6 +23,11 @@ impl Bus {
         &self.name
     }
 
+    /// Name the user gave to whoever commands its nodes.
+    pub fn master_name(&self) -> Option<&str> {
+        self.options.bus_file.master(&self.name)
+    }
+
     /// Index within the capture.
     pub fn index(&self) -> BusIndex {
         self.index

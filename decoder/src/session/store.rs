@@ -88,6 +88,8 @@ pub struct Store {
     kept: BTreeMap<ObjectAddress, Vec<u8>>,
     /// Values a device file wants: they hold until a message tells another, and are never sure.
     wanted: Arc<BTreeMap<ObjectAddress, Entry>>,
+    /// Counts changes of what was seen or given.
+    changes: u64,
 }
 
 /// A value that takes effect later.
@@ -162,8 +164,15 @@ impl Store {
         self.kept.retain(|address, _| !picks(*address));
     }
 
+    /// Counts changes of what was seen or given: where it is the same, so is that.
+    #[inline]
+    pub fn changes(&self) -> u64 {
+        self.changes
+    }
+
     /// Forgets a value.
     pub(super) fn remove(&mut self, address: ObjectAddress) {
+        self.changes = self.changes.wrapping_add(1);
         if let Some(entry) = self.entries.remove(&address) {
             self.bytes = self.bytes.saturating_sub(entry.value.len());
         }
@@ -180,6 +189,7 @@ impl Store {
 
     /// A value may have changed unseen.
     pub(super) fn doubt(&mut self, address: ObjectAddress) {
+        self.changes = self.changes.wrapping_add(1);
         if let Some(entry) = self.entries.get_mut(&address) {
             entry.stale = true;
         }
@@ -187,6 +197,7 @@ impl Store {
 
     /// The same for all that `picks`; gives their addresses.
     pub(super) fn doubt_all(&mut self, picks: impl Fn(ObjectAddress) -> bool) -> Vec<ObjectAddress> {
+        self.changes = self.changes.wrapping_add(1);
         let mut doubted = Vec::new();
         for (address, entry) in &mut self.entries {
             if entry.origin.kind != OriginKind::BusFile && !entry.stale && picks(*address) {
@@ -238,6 +249,7 @@ impl Store {
         if self.entries.len() >= OBJECT_LIMIT && !self.entries.contains_key(&address) {
             return Err(StoreFull);
         }
+        self.changes = self.changes.wrapping_add(1);
         let kept = value.get(..OBJECT_VALUE_LIMIT).unwrap_or(value).to_vec();
         let replaced = self.entries.get(&address).map_or(0, |entry| entry.value.len());
         if self.bytes.saturating_sub(replaced) + kept.len() > OBJECT_BYTES_LIMIT {

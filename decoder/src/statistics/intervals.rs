@@ -40,6 +40,11 @@ impl Intervals {
         self.last = None;
     }
 
+    /// When the first event was, as far as time went on since.
+    pub fn began(&self) -> Option<i64> {
+        Some(self.last?.saturating_sub(self.sum))
+    }
+
     /// Number of intervals.
     pub fn count(&self) -> u64 {
         self.count

@@ -18,7 +18,7 @@ pub use intervals::Intervals;
 pub use j1939::{AddressStatistics, dtc_key, dtc_of_key};
 pub use load::Load;
 pub use node::NodeStatistics;
-pub use quality::Quality;
+pub use quality::{Quality, span};
 
 use crate::event::Event;
 use crate::frame::Frame;

@@ -88,6 +88,40 @@ impl Quality {
         Some(self.last?.saturating_sub(self.first?))
     }
 
+    /// What limits verdicts on the capture, in words.
+    pub fn limits(&self) -> Vec<String> {
+        let mut limits = Vec::new();
+        if self.first.is_none() {
+            limits.push("the capture has no times: rules about times are not exercised".to_owned());
+        }
+        if let Some(interval) = self.made_up_interval() {
+            let interval = span(interval);
+            limits.push(format!(
+                "the stamps are made up, one each {interval}: rules about times are not exercised"
+            ));
+        }
+        match self.lost {
+            0 => {}
+            lost => limits.push(format!("the recorder lost {}", counted(lost, "frame"))),
+        }
+        match self.unreadable {
+            0 => {}
+            1 => limits.push("1 line or record could not be read".to_owned()),
+            unreadable => limits.push(format!("{unreadable} lines or records could not be read")),
+        }
+        let (steps, largest) = self.clock_steps;
+        let largest = span(largest.saturating_neg());
+        match steps {
+            0 => {}
+            1 => limits.push(format!("stamps went back once, by {largest}")),
+            steps => limits.push(format!("stamps went back {steps} times, by {largest} at most")),
+        }
+        if self.error_frames > 0 {
+            limits.push(counted(self.error_frames, "error frame"));
+        }
+        limits
+    }
+
     /// Estimated granularity of the stamps in nanoseconds, from the first 1,000.
     pub fn granularity(&self) -> Option<i64> {
         (self.stamps.count > 1).then(|| STEPS.get(self.stamps.step).copied().unwrap_or(1))
@@ -126,9 +160,64 @@ impl Stamps {
     }
 }
 
+fn counted(count: u64, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
+}
+
+/// A span of time as people say it: in the largest unit of which it has one or more, with three digits.
+pub fn span(nanoseconds: i64) -> String {
+    const UNITS: [(i64, &str); 5] = [
+        (86_400_000_000_000, "days"),
+        (3_600_000_000_000, "h"),
+        (60_000_000_000, "min"),
+        (1_000_000_000, "s"),
+        (1_000_000, "ms"),
+    ];
+    let fits = UNITS.iter().find(|(unit, _)| nanoseconds.saturating_abs() >= *unit);
+    let (unit, name) = fits.copied().unwrap_or((1_000, "µs"));
+    #[expect(clippy::cast_precision_loss, reason = "three digits of it")]
+    let value = nanoseconds as f64 / unit as f64;
+    let digits = if value.abs() < 9.995 { 2 } else { usize::from(value.abs() < 99.95) };
+    let text = format!("{value:.digits$}");
+    let text = if digits > 0 { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    let name = if (text, name) == ("1", "days") { "day" } else { name };
+    format!("{text} {name}")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn spans_are_said_in_the_unit_people_use() {
+        let said =
+            [1_500, 20_000_000, 1_250_000_000, 90_000_000_000, 5_400_000_000_000, 1_197_906_557_000_000];
+        assert_eq!(span(86_400_000_000_000), "1 day");
+        assert_eq!(said.map(span), ["1.5 µs", "20 ms", "1.25 s", "1.5 min", "1.5 h", "13.9 days"]);
+    }
+
+    #[test]
+    fn limits_count_as_people_do() {
+        let mut quality =
+            Quality { first: Some(0), lost: 1, unreadable: 1, error_frames: 1, ..Quality::default() };
+        quality.clock_steps = (1, -1_197_906_557_000_000);
+        let once = [
+            "the recorder lost 1 frame",
+            "1 line or record could not be read",
+            "stamps went back once, by 13.9 days",
+            "1 error frame",
+        ];
+        assert_eq!(quality.limits(), once);
+        (quality.lost, quality.unreadable, quality.error_frames) = (2, 2, 2);
+        quality.clock_steps = (2, -20_000_000);
+        let often = [
+            "the recorder lost 2 frames",
+            "2 lines or records could not be read",
+            "stamps went back 2 times, by 20 ms at most",
+            "2 error frames",
+        ];
+        assert_eq!(quality.limits(), often);
+    }
     use crate::frame::{CanId, Timestamp};
 
     fn quality(stamps: impl Iterator<Item = i64>) -> Quality {

@@ -63,6 +63,8 @@ pub enum Action {
     ToMark,
     /// Stay here, or follow what comes.
     Pause,
+    /// Begin a selection here, or give it up.
+    Select,
     /// Sort by the selected column.
     Sort,
     /// Highlight what is like the selected.
@@ -77,6 +79,8 @@ pub enum Action {
     SetCursor,
     /// Copy the selected line.
     Copy,
+    /// Copy the command that shows this view again.
+    CopyCommand,
     /// Write what is shown to a file.
     Export,
     /// The next theme.

@@ -1,43 +1,18 @@
 //! What is shown, apart from the panes: captures, cursor in time, filter, theme.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
-use cobscope_decoder::frame::{BusIndex, CanId, Timestamp};
-use cobscope_decoder::profile::Layout;
+use cobscope_decoder::frame::{BusIndex, Timestamp};
 use cobscope_decoder::replay::{Spot, World};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::NodeId;
 use regex_lite::Regex;
 
 use crate::theme::{Role, Theme};
-use crate::timeline::{Matcher, Order, Row, Search, Target, Timeline, Window};
+use crate::timeline::{Export, Matcher, Order, Row, Search, Target, Timeline, Window};
 
 /// A node on a bus.
 pub type NodeKey = (BusIndex, NodeId);
-
-/// A signal: a field of what an identifier carries.
-#[derive(Debug, Clone)]
-pub struct SignalKey {
-    /// Bus.
-    pub bus: BusIndex,
-    /// Identifier.
-    pub id: CanId,
-    /// Field of its layout.
-    pub field: usize,
-    /// Its name, as shown.
-    pub name: String,
-    /// Its unit.
-    pub unit: String,
-    /// The layout it was chosen from.
-    pub layout: Arc<Layout>,
-}
-
-impl PartialEq for SignalKey {
-    fn eq(&self, other: &Self) -> bool {
-        (self.bus, self.id, self.field, &self.name) == (other.bus, other.id, other.field, &other.name)
-    }
-}
 
 /// A place in time to go to.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -87,15 +62,21 @@ pub struct Core {
     pub node: Option<NodeKey>,
     /// What is said below, and how.
     pub said: Option<(Role, String)>,
-    /// Stays where it is while more comes.
-    pub is_paused: bool,
+    /// Goes to the end as more comes.
+    pub is_following: bool,
+    /// Where a selection of frames begins; it ends at the cursor.
+    pub selection: Option<u64>,
     /// Rows a pane has room for.
     pub height: u16,
-    /// Columns a pane has room for.
+    /// Columns it has.
     pub width: u16,
     serial: u64,
     target: Target,
     is_waiting: bool,
+    /// Exports whose end was not told yet.
+    exports: usize,
+    /// Frames there were when the end was gone to.
+    followed: u64,
 }
 
 impl Core {
@@ -112,19 +93,22 @@ impl Core {
             marks: BTreeMap::new(),
             node: None,
             said: None,
-            is_paused: true,
+            is_following: false,
+            selection: None,
             height: 24,
             width: 80,
             serial: 0,
             target: Target::Spot(Spot::default()),
             is_waiting: false,
+            exports: 0,
+            followed: 0,
         }
     }
 
     /// Asks for what is at a place.
     pub fn go(&mut self, place: Place) {
         let target = match place {
-            Place::Start => Target::Spot(Spot::before(0)),
+            Place::Start => Target::Spot(Spot::before(1)),
             Place::End => Target::End,
             Place::Spot(spot) => Target::Spot(spot),
             Place::Frame(frame) => Target::Spot(Spot::behind(frame)),
@@ -194,7 +178,41 @@ impl Core {
 
     /// Whether an answer is on its way.
     pub fn is_waiting(&self) -> bool {
-        self.is_waiting
+        self.is_waiting || self.exports > 0
+    }
+
+    /// Goes on to the end where that is followed.
+    pub fn follow(&mut self) {
+        let frames = self.timeline.progress().frames();
+        if self.is_following && !self.is_waiting && frames > self.followed {
+            self.followed = frames;
+            self.go(Place::End);
+        }
+    }
+
+    /// First and last frame selected.
+    pub fn selected_frames(&self) -> Option<(u64, u64)> {
+        let start = self.selection?;
+        let here = self.cursor.frame.min(self.timeline.progress().frames());
+        Some((start.min(here), start.max(here)))
+    }
+
+    /// Writes what is selected, else everything, to a file.
+    pub fn export(&mut self, path: &str) {
+        let (first, last) = self.selected_frames().unwrap_or((0, u64::MAX));
+        let matcher = self.matcher.clone();
+        self.exports += 1;
+        self.timeline.export(Export { path: path.into(), first, last, matcher });
+        self.say("writing …");
+    }
+
+    /// An export ended.
+    pub fn exported(&mut self, told: Result<String, String>) {
+        self.exports = self.exports.saturating_sub(1);
+        match told {
+            Ok(text) => self.say(&text),
+            Err(text) => self.refuse(&text),
+        }
     }
 
     /// Whether the place wanted is not read yet.
@@ -228,7 +246,7 @@ impl Core {
         let is_event = self.cursor.ordinal != u32::MAX;
         let event =
             self.row().filter(|row| is_event && row.spot == self.cursor).and_then(|row| row.event.time);
-        event.or_else(|| self.world()?.time())
+        event.or_else(|| self.world()?.time()).or_else(|| self.timeline.first())
     }
 
     /// Time of the first frame.

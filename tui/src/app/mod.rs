@@ -13,9 +13,9 @@ mod update;
 mod view;
 
 pub use action::{Action, Effect};
-pub use core::{Core, NodeKey, Place, SignalKey, Sought};
+pub use core::{Core, NodeKey, Place, Sought};
 pub use start::{Start, quoted};
-pub use update::Output;
+pub use update::{Output, pattern};
 
 use cobscope_decoder::sink::text::Tone;
 use ratatui::layout::Rect;
@@ -24,6 +24,7 @@ pub use crate::panes::PaneId;
 use crate::panes::Panes;
 use crate::theme::Role;
 use crate::timeline::News;
+pub use crate::timeline::SignalKey;
 use crate::widgets::prompt::Prompt;
 
 /// The application.
@@ -62,6 +63,7 @@ enum Asking {
     Filter,
     Search,
     GoTo,
+    Export,
 }
 
 impl App {
@@ -69,10 +71,11 @@ impl App {
     pub fn news(&mut self, news: News) {
         match news {
             News::Window(window) => self.core.answer(*window),
+            News::Exported(told) => self.core.exported(told),
             News::Failed(text) => self.core.refuse(&text),
             News::Filtered => self.core.refresh(),
             News::Indexed if self.core.is_pending() => self.core.refresh(),
-            News::Indexed | News::Surveyed => {}
+            News::Indexed | News::Surveyed | News::Traced => {}
         }
         self.refresh_panes();
     }
@@ -81,6 +84,11 @@ impl App {
         for pane in self.panes.all_mut() {
             pane.refresh(&self.core);
         }
+    }
+
+    /// Time passed: follows what comes, if that is wanted.
+    pub fn tick(&mut self) {
+        self.core.follow();
     }
 
     /// What the terminal is to do, besides drawing.
@@ -95,6 +103,7 @@ impl App {
         self.core.is_waiting()
             || self.core.is_pending()
             || is_searching
+            || timeline.is_tracing()
             || !timeline.progress().is_complete()
             || !timeline.survey().is_complete
     }

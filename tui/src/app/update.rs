@@ -9,7 +9,7 @@ use super::{Action, App, Asking, Effect, Mode, PaneId, Place, Sought, view};
 use crate::keymap;
 use crate::select::Bound;
 use crate::theme::{Depth, Palette};
-use crate::timeline::Matcher;
+use crate::timeline::{Export, Matcher};
 use crate::widgets::prompt::{Prompt, PromptEvent};
 
 /// What the terminal is to do.
@@ -98,7 +98,7 @@ impl App {
     pub fn resize(&mut self, width: u16, height: u16) {
         self.area = ratatui::layout::Rect::new(0, 0, width, height);
         let body = view::parts(self.area).body;
-        (self.core.width, self.core.height) = (body.width, body.height);
+        (self.core.height, self.core.width) = (body.height, body.width);
         self.core.refresh();
     }
 
@@ -116,6 +116,9 @@ impl App {
             Action::Filter => self.ask(Asking::Filter, "filter"),
             Action::Search => self.ask(Asking::Search, "search"),
             Action::GoTo => self.ask(Asking::GoTo, "go to"),
+            Action::Export => self.ask(Asking::Export, "write to"),
+            Action::Select => self.select(),
+            Action::Pause => self.pause(),
             Action::SearchNext => self.core.search(false),
             Action::SearchPrevious => self.core.search(true),
             Action::NextFinding => self.finding(true),
@@ -134,6 +137,7 @@ impl App {
                 Some(line) => self.apply(vec![Effect::Copy(line)]),
                 None => self.core.refuse("nothing is selected"),
             },
+            Action::CopyCommand => self.apply(vec![Effect::Copy(self.command())]),
             Action::Theme => self.next_theme(),
             Action::Clear => {
                 self.core.sought = None;
@@ -145,6 +149,23 @@ impl App {
             Action::Back => self.back(),
             _ => self.pass(action),
         }
+    }
+
+    fn select(&mut self) {
+        self.core.selection = match self.core.selection {
+            Some(_) => None,
+            None => Some(self.core.cursor.frame),
+        };
+        match self.core.selection {
+            Some(frame) => self.core.say(&format!("selected from #{frame} to the cursor; w writes it")),
+            None => self.core.say("nothing is selected"),
+        }
+    }
+
+    fn pause(&mut self) {
+        self.core.is_following = !self.core.is_following;
+        self.core.say(if self.core.is_following { "following what comes" } else { "staying here" });
+        self.core.follow();
     }
 
     /// Lets the pane do it.
@@ -217,6 +238,14 @@ impl App {
     fn typed(&mut self, asking: Asking, event: PromptEvent) {
         let Mode::Asking(_, prompt) = &mut self.mode else { return };
         let text = prompt.text().to_owned();
+        let is_text = matches!(event, PromptEvent::Changed | PromptEvent::Submitted);
+        if asking == Asking::Search && is_text && self.search_pane(&text) {
+            if event == PromptEvent::Submitted {
+                self.mode = Mode::Panes;
+            }
+            return;
+        }
+        let Mode::Asking(_, prompt) = &mut self.mode else { return };
         match event {
             PromptEvent::Ignored => {}
             PromptEvent::Cancelled => {
@@ -229,6 +258,9 @@ impl App {
                     prompt.clear_error();
                 }
             }
+            PromptEvent::Submitted if text.trim().is_empty() && asking != Asking::Filter => {
+                self.mode = Mode::Panes;
+            }
             PromptEvent::Submitted => match check(asking, &text) {
                 Err((offset, reason)) => prompt.set_error(offset, reason),
                 Ok(()) => {
@@ -239,6 +271,11 @@ impl App {
                 }
             },
         }
+    }
+
+    /// Lets the pane look for a text, if it does so itself.
+    fn search_pane(&mut self, text: &str) -> bool {
+        self.panes.get_mut(self.pane).is_some_and(|pane| pane.search(text, &self.core))
     }
 
     fn submit(&mut self, asking: Asking, text: &str) {
@@ -259,6 +296,7 @@ impl App {
                 },
                 None => {}
             },
+            Asking::Export => self.core.export(text),
         }
         self.refresh_panes();
     }
@@ -357,6 +395,13 @@ fn check(asking: Asking, text: &str) -> Result<(), (usize, String)> {
             Err(error) => Err((error.at().start, error.reason().to_owned())),
         },
         Asking::Search => pattern(text).map(|_| ()).map_err(|error| (0, error)),
+        Asking::Export => {
+            let suffix = text.rsplit_once('.').map_or("", |(_, suffix)| suffix);
+            let is_known = Export::suffixes().any(|(known, _)| known == suffix);
+            let known: Vec<_> =
+                Export::suffixes().map(|(known, title)| format!(".{known} {title}")).collect();
+            if is_known { Ok(()) } else { Err((text.len(), known.join(", "))) }
+        }
         Asking::GoTo => {
             let expected =
                 "expected 12.5 (seconds), #1234 (frame), -0.05 or +0.05 (from here), or a date and time";
@@ -366,7 +411,10 @@ fn check(asking: Asking, text: &str) -> Result<(), (usize, String)> {
 }
 
 /// A pattern; without capital letters in it case does not matter.
-fn pattern(text: &str) -> Result<Regex, String> {
+///
+/// # Errors
+/// What is wrong with it.
+pub fn pattern(text: &str) -> Result<Regex, String> {
     let is_any_case = !text.chars().any(char::is_uppercase);
     let written = if is_any_case { format!("(?i){text}") } else { text.to_owned() };
     Regex::new(&written).map_err(|error| error.to_string())

@@ -98,6 +98,12 @@ impl App {
             let share = if is_all { format!("{share} %") } else { "what comes".into() };
             right = format!("indexing {share}  {right}");
         }
+        if let Some((first, last)) = core.selected_frames() {
+            right = format!("selected #{first} to #{last}  {right}");
+        }
+        if core.is_following {
+            right = format!("following  {right}");
+        }
         if core.is_pending() {
             right = format!("state pending  {right}");
         }
@@ -109,7 +115,8 @@ impl App {
         let quiet = core.theme.style(Role::Quiet);
         let left = match &core.said {
             Some((role, text)) => Line::styled(text.clone(), core.theme.style(*role)),
-            None => Line::styled(self.command(), quiet),
+            // Of a long command the end is what changes.
+            None => Line::styled(draw::tail(&self.command(), room, &core.theme), quiet),
         };
         draw::line(buf, Rect { width: room, ..area }, &left, draw::Align::Left, &core.theme);
         draw::line(buf, area, &Line::styled(right, quiet), draw::Align::Right, &core.theme);

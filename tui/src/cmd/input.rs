@@ -46,6 +46,9 @@ pub(super) fn options_of(input: &InputArgs, mut catalogue: Catalogue) -> anyhow:
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     let sdo_silence = (input.sdo_timeout * 1e9) as i64;
     let bus_file = input.bus.as_deref().map(bus_file).transpose()?.unwrap_or_default();
+    for (profile, rule, key, value) in bus_file.device_tolerances() {
+        catalogue.set_tolerance(profile, rule, key, value);
+    }
     let mut assignments = assignments(input, &bus_file, &mut catalogue)?;
     assignments.extend(device_files::assignments(input, &bus_file)?);
     let databases = databases(input, &bus_file)?;

@@ -36,6 +36,7 @@ use crate::exit_code::Exit;
 use crate::source;
 use crate::timeline::News;
 use input::{captures, read_options, session_options};
+pub(crate) use rules::rule_sections;
 
 /// Runs what the command line says.
 pub fn run(cli: Cli) -> Exit {

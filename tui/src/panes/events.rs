@@ -125,9 +125,11 @@ impl Pane for Events {
                 self.highlight = None;
                 Vec::new()
             }
+            Action::Plot => super::signals::plot(core),
             Action::Open => core.row().map_or_else(Vec::new, |row| {
                 let node = row.event.node.map(|node| Effect::Node((row.event.bus, node)));
-                node.into_iter().chain([Effect::Show(PaneId::Events)]).collect()
+                let go = Some(Effect::Go(Place::Spot(row.spot))).filter(|_| core.cursor < row.spot);
+                node.into_iter().chain(go).chain([Effect::Show(PaneId::Detail)]).collect()
             }),
             _ => Vec::new(),
         }
@@ -155,6 +157,7 @@ impl Pane for Events {
             Action::Filter,
             Action::FilterCell,
             Action::News,
+            Action::Plot,
             Action::Search,
             Action::NextFinding,
             Action::NextError,

@@ -3,9 +3,13 @@
 
 mod bus;
 mod common;
+mod detail;
 mod events;
 mod findings;
 mod frames;
+mod nodes;
+mod objects;
+mod signals;
 mod transfers;
 
 use ratatui::buffer::Buffer;
@@ -30,6 +34,11 @@ pub trait Pane {
 
     /// Something another pane, or the application, offers to all.
     fn offer(&mut self, _effect: &Effect, _core: &Core) {}
+
+    /// Takes what is typed behind `/`, with each letter; `false`: it is for the events.
+    fn search(&mut self, _text: &str, _core: &Core) -> bool {
+        false
+    }
 
     /// What of it can be done with keys, for the line at the bottom.
     fn actions(&self) -> &'static [Action];
@@ -73,9 +82,13 @@ macro_rules! panes {
 }
 
 panes! {
+    Nodes "nodes" "Nodes" nodes::Nodes::default();
     Events "events" "Events" events::Events::default();
     Frames "frames" "Frames" frames::Frames::default();
+    Detail "detail" "Detail" detail::Detail::default();
+    Signals "signals" "Signals" signals::Signals::default();
     Transfers "transfers" "Transfers" transfers::Transfers::default();
+    Objects "objects" "Objects" objects::Objects::default();
     Findings "findings" "Findings" findings::Findings::default();
     Bus "bus" "Bus" bus::BusPane::default();
 }

@@ -4,21 +4,26 @@
 //!            ┌─ index ──▶ marks, progress          one pass, leaves a world every 262,144 frames
 //! captures ──┼─ survey ─▶ findings, exchanges …    one pass, judges
 //!            ├─ matches ▶ which frames are shown   one pass a filter
+//!            ├─ traces ─▶ signals over time        from the nearest mark
 //!            └─ seek ───▶ rows and world at a place, from the nearest mark
 //! ```
 //!
 //! Each is a thread; what they find lies in [`Shared`], and a piece of [`News`] says that it changed.
 
+mod export;
 mod index;
 mod load;
 mod matches;
 mod row;
 mod seek;
 mod shared;
+pub mod signal;
 mod survey;
+mod traces;
 mod walk;
 
 use std::path::PathBuf;
+use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, PoisonError, RwLockReadGuard};
 
@@ -29,12 +34,15 @@ use cobscope_decoder::replay::World;
 use cobscope_decoder::rules::Setup;
 use cobscope_decoder::session::SessionOptions;
 
+pub use export::Export;
 pub use load::{LoadOverTime, Step};
 pub use matches::{Matcher, Matches};
 pub use row::Row;
 pub use seek::{Order, Search, Target, Window};
 pub use shared::{Lane, Progress, Shared};
+pub use signal::SignalKey;
 pub use survey::{Exchange, MOST_EXCHANGES, Occurred, Opened, Survey};
+pub use traces::{MOST_SIGNALS, Points, Traces};
 
 use crate::source::Store;
 
@@ -49,8 +57,12 @@ pub enum News {
     Surveyed,
     /// The search for the rows that are shown is complete.
     Filtered,
+    /// More is known of signals over time.
+    Traced,
     /// The answer to an order.
     Window(Box<Window>),
+    /// An export ended: what was written, or why it was not.
+    Exported(Result<String, String>),
     /// An order that cannot be answered, and why.
     Failed(String),
 }
@@ -125,9 +137,38 @@ impl Timeline {
         }
     }
 
+    /// Writes a part of the captures to a file; what came of it is told.
+    pub fn export(&self, export: Export) {
+        let told = spawn("export", &self.shared, &self.news, move |shared, news| {
+            export::run(shared, &export, news);
+        });
+        if let Err(error) = told {
+            let _ = self.news.send(News::Failed(format!("{error:#}")));
+        }
+    }
+
     /// The search for the events that are shown.
     pub fn matches(&self) -> Option<Arc<Matches>> {
         self.shared.matches.read().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Begins to follow signals from a time on, to another one or to the end.
+    pub fn trace(&self, signals: Vec<SignalKey>, from: Timestamp, to: Option<Timestamp>) -> Arc<Traces> {
+        let traces = Arc::new(Traces::new(signals, from, to));
+        self.shared.tracing.fetch_add(1, Ordering::Relaxed);
+        let job = Arc::clone(&traces);
+        let told =
+            spawn("traces", &self.shared, &self.news, move |shared, news| traces::run(shared, &job, news));
+        if let Err(error) = told {
+            self.shared.tracing.fetch_sub(1, Ordering::Relaxed);
+            let _ = self.news.send(News::Failed(format!("{error:#}")));
+        }
+        traces
+    }
+
+    /// Whether signals are being followed.
+    pub fn is_tracing(&self) -> bool {
+        self.shared.tracing.load(Ordering::Acquire) > 0
     }
 
     /// How far the index has come.

@@ -5,6 +5,7 @@ use cobscope_decoder::frame::{CanId, Frame, FrameFlags};
 use cobscope_decoder::replay::{Spot, Told};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::text::{Line, Tone};
+use cobscope_decoder::wire::j1939::{J1939Id, Pgn};
 
 /// Bytes of a payload a row shows.
 const SHOWN_BYTES: usize = 8;
@@ -51,6 +52,42 @@ impl Row {
             value: format!("{}{presumed}", escape(value)),
             tone: line.tone,
             is_news: told.is_news,
+        }
+    }
+
+    /// Whether it is several messages that belong together.
+    pub fn is_exchange(&self) -> bool {
+        let kind = &self.event.kind;
+        matches!(
+            kind,
+            EventKind::SdoTransfer(_)
+                | EventKind::J1939Transfer(_)
+                | EventKind::IsoTpTransfer(_)
+                | EventKind::UdsExchange(_)
+        )
+    }
+
+    /// Whether a frame between the first and the last one is part of the exchange.
+    pub fn has_frame(&self, frame: &Frame) -> bool {
+        let (event, id) = (&self.event, frame.id);
+        if frame.bus != event.bus || !(event.frames.first..=event.frames.last).contains(&frame.number) {
+            return false;
+        }
+        match &event.kind {
+            EventKind::SdoTransfer(transfer) => [transfer.request, transfer.response].contains(&id),
+            EventKind::IsoTpTransfer(transfer) => transfer.id == id || transfer.flow_control == Some(id),
+            EventKind::UdsExchange(exchange) => {
+                [&exchange.request, &exchange.response].into_iter().flatten().any(|message| message.id == id)
+            }
+            EventKind::J1939Transfer(transfer) => {
+                let CanId::Extended(number) = id else { return false };
+                let ends = (transfer.source, transfer.destination);
+                J1939Id::of(number).is_some_and(|id| {
+                    [Pgn::TP_CM, Pgn::TP_DT, Pgn::ETP_CM, Pgn::ETP_DT].contains(&id.pgn)
+                        && ((id.source, id.destination) == ends || (id.destination, id.source) == ends)
+                })
+            }
+            _ => false,
         }
     }
 

@@ -11,7 +11,7 @@ use std::sync::mpsc::{Receiver, Sender, TryRecvError};
 use std::sync::{Arc, PoisonError};
 
 use cobscope_decoder::capture::CaptureError;
-use cobscope_decoder::frame::Timestamp;
+use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::replay::{Mark, Spot, Told, World};
 
 use super::shared::Shared;
@@ -26,6 +26,10 @@ const MOST_NEAR: usize = 64;
 
 /// Frames looked at for the first rows before a place, where nothing tells how far back they are.
 const FIRST_SPAN: u64 = 512;
+
+/// Frames over which an exchange may stretch for its own to be looked for, and most of them.
+const MOST_SPAN: u64 = 4_096;
+const MOST_FRAMES: usize = 512;
 
 /// A place to go to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -77,6 +81,8 @@ pub struct Window {
     pub spot: Spot,
     /// What is known there.
     pub world: Arc<World>,
+    /// Frames of the exchange that is selected, as far as they are few and close together.
+    pub frames: Vec<Frame>,
     /// The place lies behind what is indexed: this is as far as it goes by now.
     pub is_pending: bool,
     /// A search found nothing.
@@ -157,7 +163,8 @@ impl Seeker {
                 return Ok(None);
             };
             if window.selected + 1 >= order.before || from == 0 || matches.is_some() {
-                return Ok(Some(Window { is_pending, is_missed, ..window }));
+                let Some(frames) = self.frames(&window, is_stale)? else { return Ok(None) };
+                return Ok(Some(Window { is_pending, is_missed, frames, ..window }));
             }
             span = span.saturating_mul(8);
         }
@@ -283,8 +290,30 @@ impl Seeker {
                 )
             }
         };
-        let (is_pending, is_missed) = (false, false);
-        Ok(Some(Window { serial: order.serial, rows, selected, spot, world, is_pending, is_missed }))
+        let (serial, frames) = (order.serial, Vec::new());
+        Ok(Some(Window { serial, rows, selected, spot, world, frames, is_pending: false, is_missed: false }))
+    }
+
+    /// The frames of the selected row's exchange.
+    fn frames(&mut self, window: &Window, is_stale: &mut impl FnMut() -> bool) -> Answer<Vec<Frame>> {
+        let Some(row) = window.rows.get(window.selected).filter(|row| row.is_exchange()) else {
+            return Ok(Some(Vec::new()));
+        };
+        let (first, last) = (row.event.frames.first, row.event.frames.last);
+        if first == 0 || last.saturating_sub(first) > MOST_SPAN {
+            return Ok(Some(Vec::new()));
+        }
+        let Some(mut walk) = self.walk_to(first - 1, is_stale)? else { return Ok(None) };
+        let mut frames = Vec::new();
+        while walk.world.frames() < last && frames.len() < MOST_FRAMES {
+            if let Some(frame) = walk.peek()?.filter(|frame| row.has_frame(frame)) {
+                frames.push(*frame);
+            }
+            if !walk.step(&mut |_| ())? {
+                break;
+            }
+        }
+        Ok(Some(frames))
     }
 
     /// Whether the index knows the capture to its end.

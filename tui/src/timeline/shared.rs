@@ -1,6 +1,6 @@
 //! What the threads of a timeline have in common.
 
-use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
 
 use cobscope_decoder::capture::{CaptureError, Merged, MergedCapture, MergedPosition, ReadOptions, Reader};
@@ -36,6 +36,8 @@ pub struct Shared {
     /// Why reading ended early.
     pub(super) failure: Mutex<Option<String>>,
     pub(super) progress: Progress,
+    /// How many threads follow signals.
+    pub(super) tracing: AtomicUsize,
     is_over: AtomicBool,
 }
 
@@ -100,6 +102,7 @@ impl Shared {
             end: Mutex::default(),
             failure: Mutex::default(),
             progress: Progress::default(),
+            tracing: AtomicUsize::new(0),
             is_over: AtomicBool::new(false),
         }
     }

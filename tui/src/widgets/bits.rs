@@ -9,8 +9,8 @@
 //! ```
 
 use std::borrow::Cow;
-use std::ops::Range;
 
+use cobscope_decoder::profile::BitOrder;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Modifier, Style};
@@ -32,22 +32,36 @@ const LEGEND_SPACE: u16 = 2;
 pub struct Field<'a> {
     /// What it is called.
     pub name: Cow<'a, str>,
-    /// Its lowest bit; bit 0 is bit 0 of byte 0, bit 8 is bit 0 of byte 1.
+    /// Where it begins: bit 0 is bit 0 of byte 0, bit 8 is bit 0 of byte 1. Its lowest bit, of one with the most
+    /// significant bit first that one.
     pub start_bit: u16,
     /// How many bits it has.
     pub bits: u16,
+    /// In which order they stand.
+    pub order: BitOrder,
     /// In which look of [`Role::Highlight`] it is shown.
     pub role_index: u8,
 }
 
-/// The bits of a field.
-pub fn bits_of(field: &Field<'_>) -> Range<u16> {
-    field.start_bit..field.start_bit.saturating_add(field.bits)
+impl Field<'_> {
+    /// Whether a bit is one of its.
+    pub fn has(&self, bit: u16) -> bool {
+        let (first, bit) = match self.order {
+            BitOrder::LittleEndian => (self.start_bit, bit),
+            BitOrder::BigEndian => (on_screen(self.start_bit), on_screen(bit)),
+        };
+        (first..first.saturating_add(self.bits)).contains(&bit)
+    }
+}
+
+/// Places of bits as they stand side by side, the most significant of each byte first, and back.
+pub const fn on_screen(bit: u16) -> u16 {
+    bit ^ 7
 }
 
 /// The field a bit belongs to; where several overlap, the one of fewest bits.
 pub fn field_at(fields: &[Field<'_>], bit: u16) -> Option<usize> {
-    let found = fields.iter().enumerate().filter(|(_, field)| bits_of(field).contains(&bit));
+    let found = fields.iter().enumerate().filter(|(_, field)| field.has(bit));
     found.min_by_key(|(_, field)| field.bits).map(|(index, _)| index)
 }
 
@@ -63,6 +77,8 @@ pub struct Bits<'a> {
     bytes: &'a [u8],
     fields: &'a [Field<'a>],
     selected: Option<usize>,
+    cursor: Option<u16>,
+    has_legend: bool,
     changed: u64,
 }
 
@@ -70,7 +86,7 @@ impl<'a> Bits<'a> {
     /// A payload, of which at most 64 bytes are shown.
     pub fn new(theme: &'a Theme, bytes: &'a [u8]) -> Self {
         let bytes = bytes.get(..MOST_BYTES).unwrap_or(bytes);
-        Self { theme, bytes, fields: &[], selected: None, changed: 0 }
+        Self { theme, bytes, fields: &[], selected: None, cursor: None, has_legend: true, changed: 0 }
     }
 
     /// What lies in it.
@@ -83,6 +99,18 @@ impl<'a> Bits<'a> {
     #[must_use]
     pub fn selected(self, field: Option<usize>) -> Self {
         Self { selected: field, ..self }
+    }
+
+    /// The bit the cursor is on.
+    #[must_use]
+    pub fn cursor(self, bit: Option<u16>) -> Self {
+        Self { cursor: bit, ..self }
+    }
+
+    /// Leaves the names of the fields to somebody else.
+    #[must_use]
+    pub fn without_legend(self) -> Self {
+        Self { has_legend: false, ..self }
     }
 
     /// Which bytes are not what they were: bit n for byte n.
@@ -167,7 +195,15 @@ impl<'a> Bits<'a> {
         }
         for bit in 0..8_u16 {
             let field = field_at(self.fields, first + bit);
-            let style = self.style(field);
+            let is_cursor = self.cursor == Some(first + bit);
+            let style = match (self.style(field), is_cursor) {
+                (style, false) => style,
+                // Within a field that is reversed the cursor is what is not.
+                (style, true) if style.add_modifier.contains(Modifier::REVERSED) => {
+                    style.remove_modifier(Modifier::REVERSED).add_modifier(Modifier::UNDERLINED)
+                }
+                _ => self.theme.style(Role::Cursor),
+            };
             put(buf, 7 - bit, 2, if byte >> bit & 1 == 1 { "1" } else { "0" }, style);
             if !self.fields.is_empty() {
                 let dot = || self.theme.glyph(Glyph::Dot).to_owned();
@@ -198,7 +234,8 @@ impl<'a> Bits<'a> {
             x = x.saturating_add(wanted).saturating_add(LEGEND_SPACE);
             at
         };
-        self.fields.iter().enumerate().map(place).collect()
+        let named = if self.has_legend { self.fields } else { &[] };
+        named.iter().enumerate().map(place).collect()
     }
 
     fn block_height(&self) -> u16 {
@@ -216,7 +253,8 @@ impl<'a> Bits<'a> {
         }
         let (_, per_row) = columns(area.width, self.bytes.len());
         let field = self.selected.and_then(|index| self.fields.get(index));
-        let wanted = field.map_or(0, |field| usize::from(field.start_bit / 8) / per_row);
+        let bit = self.cursor.or_else(|| field.map(|field| field.start_bit)).unwrap_or(0);
+        let wanted = usize::from(bit / 8) / per_row;
         let in_view = usize::from(area.height / self.block_height()).max(1);
         if wanted < in_view { 0 } else { wanted.min(self.blocks(area.width).saturating_sub(in_view)) }
     }
@@ -241,6 +279,7 @@ mod tests {
             name: name.into(),
             start_bit,
             bits,
+            order: BitOrder::LittleEndian,
             role_index,
         };
         vec![
@@ -337,15 +376,21 @@ mod tests {
     #[test]
     fn bits_and_fields_find_each_other() {
         let mut fields = fields();
-        assert_eq!(bits_of(&fields[3]), 16..32);
+        assert!(fields[3].has(16) && fields[3].has(31) && !fields[3].has(32));
         assert_eq!(
             [0, 1, 3, 4, 15, 31, 32].map(|bit| field_at(&fields, bit)),
             [Some(0), Some(1), Some(1), None, Some(2), Some(3), None]
         );
-        fields.push(Field { name: "flag".into(), start_bit: 20, bits: 1, role_index: 4 });
+        let field = |start_bit, bits, order| Field { name: "".into(), start_bit, bits, order, role_index: 4 };
+        fields.push(field(20, 1, BitOrder::LittleEndian));
         assert_eq!(field_at(&fields, 20), Some(4));
-        let huge = Field { name: "".into(), start_bit: u16::MAX, bits: u16::MAX, role_index: 200 };
-        assert_eq!(bits_of(&huge), u16::MAX..u16::MAX);
+        // Twelve bits from bit 3 of byte 0 on, the most significant first: 3..0 of it, then all of byte 1.
+        let motorola = field(3, 12, BitOrder::BigEndian);
+        let has: Vec<_> = (0..32).filter(|bit| motorola.has(*bit)).collect();
+        assert_eq!(has, [0, 1, 2, 3, 8, 9, 10, 11, 12, 13, 14, 15]);
+        for order in [BitOrder::LittleEndian, BitOrder::BigEndian] {
+            assert!(!field(u16::MAX, u16::MAX, order).has(9));
+        }
         assert_eq!((letter(0), letter(26), letter(52)), ('a', 'A', '*'));
     }
 

@@ -51,6 +51,22 @@ pub fn put(buf: &mut Buffer, x: u16, y: u16, room: u16, text: &str, style: Style
     }
 }
 
+/// The end of a text that fits into `room` columns, behind an ellipsis where its beginning had to go.
+pub fn tail(text: &str, room: u16, theme: &Theme) -> String {
+    if width(text) <= room {
+        return text.to_owned();
+    }
+    let ellipsis = theme.glyph(Glyph::Ellipsis);
+    let room = room.saturating_sub(width(ellipsis));
+    let mut rest = text;
+    while width(rest) > room {
+        let mut characters = rest.chars();
+        characters.next();
+        rest = characters.as_str();
+    }
+    format!("{ellipsis}{rest}")
+}
+
 /// Draws a line into the first line of `area`, with an ellipsis where it had to be cut.
 pub fn line(buf: &mut Buffer, area: Rect, line: &Line<'_>, align: Align, theme: &Theme) {
     let area = area.intersection(buf.area);

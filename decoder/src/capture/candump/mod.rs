@@ -4,6 +4,7 @@ mod fast;
 mod line;
 mod stamp;
 mod time;
+mod write;
 
 use fast::Cache;
 use line::{FrameLine, Line, LineError};
@@ -11,7 +12,9 @@ use time::Clock;
 pub use time::TimeStyle;
 
 use super::text::{Lines, Step, excerpt};
-use super::{Batch, BusNames, CaptureError, Format, LARGEST_RECORD, Notice, Parser, Place, ReadOptions};
+use super::{
+    Batch, BusNames, CaptureError, Format, LARGEST_RECORD, Notice, Parser, Place, ReadOptions, WritableFormat,
+};
 use crate::frame::{Frame, FrameFlags};
 
 /// Lines whose stamps decide whether times are differences.
@@ -31,6 +34,13 @@ pub(super) const FORMAT: Format = Format {
         })
     },
     parser: |options| Box::new(Candump::new(options)),
+};
+
+pub(super) const WRITABLE: WritableFormat = WritableFormat {
+    name: FORMAT.name,
+    suffix: "log",
+    title: FORMAT.title,
+    writer: |output| Box::new(write::CandumpWriter::new(output)),
 };
 
 /// Reader of candump text.

@@ -15,12 +15,13 @@
 mod block;
 mod interface;
 mod section;
+mod write;
 
 use block::{Block, Found, Kind, START};
 use section::Section;
 
 use super::byte_order::ByteOrder;
-use super::{Batch, BusNames, CaptureError, Format, LARGEST_RECORD, Notice, Parser, Place};
+use super::{Batch, BusNames, CaptureError, Format, LARGEST_RECORD, Notice, Parser, Place, WritableFormat};
 
 pub(super) const FORMAT: Format = Format {
     name: "pcapng",
@@ -30,6 +31,13 @@ pub(super) const FORMAT: Format = Format {
             && matches!(head.get(START..12), Some(b"\x1A\x2B\x3C\x4D" | b"\x4D\x3C\x2B\x1A"))
     },
     parser: |_| Box::new(PcapNg::default()),
+};
+
+pub(super) const WRITABLE: WritableFormat = WritableFormat {
+    name: FORMAT.name,
+    suffix: "pcapng",
+    title: FORMAT.title,
+    writer: |output| Box::new(write::PcapngWriter::new(output)),
 };
 
 /// Longer blocks are taken for damage: skipping them would lose the rest of the capture.

@@ -266,6 +266,25 @@ impl DeviceRule {
         (!there).then_some(what)
     }
 
+    /// What the user may set, by the name of its key: what the rule itself has.
+    pub fn tolerances(&self) -> impl Iterator<Item = &'static str> {
+        let all =
+            [("ms", self.ms.is_some()), ("times", self.ms_of.is_some()), ("count", self.count.is_some())];
+        all.into_iter().filter(|(_, is_there)| *is_there).map(|(key, _)| key)
+    }
+
+    /// Sets one of them.
+    pub(in crate::profile) fn set_tolerance(&mut self, key: &str, value: f64) {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+        let count = value as u32;
+        match key {
+            "ms" => self.ms = self.ms.map(|_| value),
+            "times" => self.times = value,
+            "count" => self.count = self.count.map(|_| count),
+            _ => {}
+        }
+    }
+
     /// `object` and `objects`.
     pub fn subjects(&self) -> impl Iterator<Item = Reference> {
         self.object.iter().chain(&self.objects).copied()

@@ -109,6 +109,7 @@ fn plain(object: &DeviceObject) -> Entry {
         effect: Effect::Unknown,
         invalidates: Vec::new(),
         channel: None,
+        open_loop: Vec::new(),
         only: Only::default(),
         source: String::new(),
         note: String::new(),

@@ -1,6 +1,6 @@
 //! What a rule knows of a node when it judges: whether conditions are proven, or proven not to hold.
 
-use super::attached::Attached;
+use super::attached::{Attached, Known};
 use super::happening::{masked, show};
 use crate::profile::device::Condition;
 use crate::rules::NodeMap;
@@ -47,7 +47,7 @@ pub(super) struct Scene<'a> {
     pub(super) bus: &'a Bus,
     pub(super) id: NodeId,
     pub(super) node: &'a Node,
-    pub(super) own: &'a Attached,
+    pub(super) own: &'a Known,
     pub(super) others: &'a NodeMap<Box<Attached>>,
     /// Time in the clock of the rules.
     pub(super) now: i64,
@@ -56,7 +56,21 @@ pub(super) struct Scene<'a> {
 impl Scene<'_> {
     /// Whether all conditions hold, for an output of the device.
     pub(super) fn all(&self, conditions: &[Condition], channel: Option<u8>) -> Proof {
-        conditions.iter().fold(Proof::Holds, |proof, condition| proof.and(self.holds(condition, channel)))
+        self.of(conditions.iter(), channel)
+    }
+
+    /// The same of some of them.
+    pub(super) fn of<'c>(
+        &self,
+        mut conditions: impl Iterator<Item = &'c Condition>,
+        channel: Option<u8>,
+    ) -> Proof {
+        conditions
+            .try_fold(Proof::Holds, |proof, condition| match proof.and(self.holds(condition, channel)) {
+                Proof::Fails => Err(Proof::Fails),
+                proof => Ok(proof),
+            })
+            .unwrap_or_else(|fails| fails)
     }
 
     /// A condition that is proven not to hold: the object it is about, and what there is instead.
@@ -104,6 +118,11 @@ impl Scene<'_> {
         let is_measured = watched.is_some_and(|(_, watched)| watched.is_measured);
         let sent = watched.and_then(|(place, _)| self.own.seen.get(place));
         let sent = sent.filter(|sent| !is_measured || self.now.saturating_sub(sent.time) <= MEASURED);
+        // What the node holds may have come by other ways, and later.
+        let is_later = |frame| self.node.store().seen(object).is_some_and(|entry| entry.origin.frame > frame);
+        if let Some(sent) = sent.filter(|sent| !is_later(sent.frame)) {
+            return Some(sent.raw);
+        }
         let stored = self.node.proven(object).filter(|(_, origin)| {
             let time = origin.time.map(|stamp| self.bus.monotonic(stamp));
             !is_measured || time.is_none_or(|time| self.bus.now().saturating_sub(time) <= MEASURED)
@@ -119,6 +138,7 @@ impl Scene<'_> {
     fn other(&self, conditions: &[Condition]) -> Proof {
         let mut all = Proof::Fails;
         for (id, own) in self.others.iter().filter(|(id, _)| *id != self.id) {
+            let own = &own.known;
             let Some(node) = self.bus.node(id).filter(|_| own.plan.device.id == self.own.plan.device.id)
             else {
                 continue;

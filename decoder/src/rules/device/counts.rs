@@ -35,8 +35,8 @@ fn most(case: &Case<'_>) -> u32 {
 }
 
 fn per_sync(case: &Case<'_>, course: &mut Course, happening: &Happening<'_>, context: &mut Context<'_>) {
-    let is_heard = !waits_for_pdo(&case.rule.on.0) || case.scene.is_operational();
-    if course.is_counting && is_heard && case.on(happening).is_some() && case.is_due() {
+    let is_heard = || !waits_for_pdo(&case.rule.on.0) || case.scene.is_operational();
+    if course.is_counting && case.on(happening).is_some() && is_heard() && case.is_due() {
         course.count = course.count.saturating_add(1);
         let frame = case.frames.last;
         if course.count == 1 {

@@ -45,22 +45,23 @@ impl<'a> Now<'a> {
     }
 }
 
-/// What is done with one rule.
-pub(super) type Task<'t> = &'t mut dyn FnMut(&Case<'_>, &mut Course, &mut Context<'_>);
-
 impl DeviceRules {
     /// All events but PDOs, messages and frames.
     pub(super) fn other(&mut self, event: &Event, context: &mut Context<'_>) {
         let bus = context.bus;
         match &event.kind {
             EventKind::NmtCommand { target: 0, .. } | EventKind::Lss { .. } | EventKind::Sync { .. } => {
-                for id in self.canopen() {
-                    self.at(id, bus, &mut |judged| judged.event(event, context));
+                let is_sync = matches!(event.kind, EventKind::Sync { .. });
+                for place in 0..self.ids.len() {
+                    let id = self.ids.get(place).copied().filter(|id| id.canopen().is_some());
+                    if let Some(id) = id.filter(|id| !is_sync || self.waits_for_sync(*id)) {
+                        self.at(id, bus, |judged| judged.event(event, context));
+                    }
                 }
             }
             EventKind::BusSilent { .. } | EventKind::LostFrames { .. } => {
                 for id in self.ids.clone() {
-                    self.at(id, bus, &mut |judged| judged.own.interrupted());
+                    self.at(id, bus, |judged| judged.own.interrupted());
                 }
             }
             EventKind::SdoTransfer(transfer) => {
@@ -84,6 +85,11 @@ impl DeviceRules {
         }
     }
 
+    /// Whether a node has rules about SYNC, or may be seen now for the first time.
+    fn waits_for_sync(&self, id: NodeId) -> bool {
+        self.nodes.get(id).is_some_and(|own| !own.is_present || !own.known.plan.syncs.is_empty())
+    }
+
     /// Identifiers fall back to what the node keeps.
     fn started_anew(&mut self, event: &Event) {
         if event.node.is_some_and(|id| self.nodes.get(id).is_some()) {
@@ -94,12 +100,8 @@ impl DeviceRules {
     fn at_event(&mut self, event: &Event, context: &mut Context<'_>) {
         let bus = context.bus;
         if let Some(id) = event.node {
-            self.at(id, bus, &mut |judged| judged.event(event, context));
+            self.at(id, bus, |judged| judged.event(event, context));
         }
-    }
-
-    fn canopen(&self) -> Vec<NodeId> {
-        self.ids.iter().copied().filter(|id| id.canopen().is_some()).collect()
     }
 
     /// Judges identifiers the first device keeps for itself; of one frame only where they are about it.
@@ -114,13 +116,13 @@ impl DeviceRules {
             can_id.is_none_or(|can_id| frames::reserves(rule, can_id)) && rule.ids.is_some()
         };
         let has = |id: &NodeId| {
-            self.nodes.get(*id).is_some_and(|own| own.plan.rules().any(|(_, rule)| is_about(rule)))
+            self.nodes.get(*id).is_some_and(|own| own.known.plan.rules().any(|(_, rule)| is_about(rule)))
         };
         let Some(id) = self.ids.iter().copied().find(has) else { return };
         let bus = context.bus;
-        self.at(id, bus, &mut |judged| {
+        self.at(id, bus, |judged| {
             for number in judged.numbers(is_about) {
-                judged.one(number, Now::of(event), context, &mut |case, _, context| task(case, context));
+                judged.one(number, Now::of(event), context, |case, _, context| task(case, context));
             }
         });
     }
@@ -134,37 +136,48 @@ const fn holds_id(index: u16) -> bool {
 impl Judged<'_> {
     /// Numbers of the rules that are picked, those that are switched off apart.
     pub(super) fn numbers(&self, picks: impl Fn(&DeviceRule) -> bool) -> Vec<usize> {
-        self.own.plan.rules().filter(|(_, rule)| picks(rule)).map(|(number, _)| number).collect()
+        self.own.known.plan.rules().filter(|(_, rule)| picks(rule)).map(|(number, _)| number).collect()
+    }
+
+    /// What rules know of the node at a time.
+    #[inline]
+    pub(super) fn scene(&self, now: i64) -> Scene<'_> {
+        let Self { bus, id, node, ref own, others } = *self;
+        Scene { bus, id, node, own: &own.known, others, now }
     }
 
     /// Does something with one rule.
-    pub(super) fn one(&mut self, number: usize, now: Now<'_>, context: &mut Context<'_>, task: Task<'_>) {
-        let plan = Arc::clone(&self.own.plan);
-        let place = plan.places.get(number).copied().flatten();
-        let (Some(rule), Some(place)) = (plan.device.rules.get(number), place) else { return };
-        let Some(mut course) = self.own.courses.get_mut(number).map(std::mem::take) else { return };
-        let scene = Scene {
-            bus: self.bus,
-            id: self.id,
-            node: self.node,
-            own: self.own,
-            others: self.others,
-            now: context.now,
+    #[inline]
+    pub(super) fn one(
+        &mut self,
+        number: usize,
+        now: Now<'_>,
+        context: &mut Context<'_>,
+        task: impl FnOnce(&Case<'_>, &mut Course, &mut Context<'_>),
+    ) {
+        let Attached { known, courses, .. } = &mut *self.own;
+        let (Some((rule, place)), Some(course)) = (known.plan.rule(number), courses.get_mut(number)) else {
+            return;
         };
+        let own = &*known;
+        let Self { bus, id, node, others, .. } = *self;
+        let scene = Scene { bus, id, node, own, others, now: context.now };
         let before = std::mem::replace(&mut context.rule, place);
         let Now { event, frames } = now;
-        task(&Case { scene, rule, number, event, frames }, &mut course, context);
+        task(&Case { scene, rule, number, event, frames }, course, context);
         context.rule = before;
-        if let Some(own) = self.own.courses.get_mut(number) {
-            *own = course;
-        }
     }
 
     /// The node is there: what must never happen has had its chance.
+    #[inline]
     pub(super) fn present(&mut self, now: Now<'_>, context: &mut Context<'_>) {
-        if self.own.is_present || self.node.last_seen().0 == 0 {
-            return;
+        if !self.own.is_present && self.node.last_seen().0 != 0 {
+            self.came(now, context);
         }
+    }
+
+    #[cold]
+    fn came(&mut self, now: Now<'_>, context: &mut Context<'_>) {
         self.own.is_present = true;
         let by_presence = |rule: &DeviceRule| match rule.kind {
             RuleKind::Never => rule.during.0.is_empty(),
@@ -172,7 +185,7 @@ impl Judged<'_> {
             _ => false,
         };
         for number in self.numbers(by_presence) {
-            self.one(number, now, context, &mut |_, _, context| context.pass());
+            self.one(number, now, context, |_, _, context| context.pass());
         }
     }
 
@@ -180,28 +193,39 @@ impl Judged<'_> {
     pub(super) fn heard(&mut self, context: &Context<'_>) {
         let (frame, stamp) = self.node.last_seen();
         if let Some(stamp) = stamp.filter(|_| frame != 0) {
-            self.own.heard = Some(self.bus.monotonic(stamp).saturating_sub(context.silence));
+            self.own.known.heard = Some(self.bus.monotonic(stamp).saturating_sub(context.silence));
         }
     }
 
     /// Something happened: each rule that waits for it judges it.
     fn happen(&mut self, happening: &Happening<'_>, now: Now<'_>, context: &mut Context<'_>) {
-        // SYNC comes too often to look through all rules.
-        let concerned = match happening {
-            Happening::Sync => self.own.plan.syncs.clone(),
-            _ => self.numbers(|rule| concerns(rule, happening)),
-        };
-        for number in concerned {
-            self.one(number, now, context, &mut |case, course, context| {
+        for number in self.numbers(|rule| concerns(rule, happening)) {
+            self.one(number, now, context, |case, course, context| {
                 judge::happened(case, course, happening, context);
             });
         }
     }
 
+    /// SYNC: it comes too often to look through all rules.
+    fn sync(&mut self, now: Now<'_>, context: &mut Context<'_>) {
+        if self.own.known.plan.syncs.is_empty() || self.bus.last_sync() != Some(self.node.sync()) {
+            return;
+        }
+        let mut place = 0;
+        while let Some(number) = self.own.known.plan.syncs.get(place).copied() {
+            self.one(number, now, context, |case, course, context| {
+                judge::happened(case, course, &Happening::Sync, context);
+            });
+            place += 1;
+        }
+    }
+
     /// Something may have begun or ended what rules call `while`.
     pub(super) fn look_again(&mut self, now: Now<'_>, context: &mut Context<'_>) {
-        for number in Arc::clone(&self.own.plan).stretches.iter().copied() {
-            self.one(number, now, context, &mut judge::look_again);
+        let mut place = 0;
+        while let Some(number) = self.own.known.plan.stretches.get(place).copied() {
+            self.one(number, now, context, judge::look_again);
+            place += 1;
         }
     }
 
@@ -209,12 +233,7 @@ impl Judged<'_> {
         let now = Now::of(event);
         self.present(now, context);
         match &event.kind {
-            EventKind::Sync { .. } => {
-                if self.bus.last_sync() == Some(self.node.sync()) {
-                    self.happen(&Happening::Sync, now, context);
-                }
-                return;
-            }
+            EventKind::Sync { .. } => return self.sync(now, context),
             EventKind::Lss { command, from_master, content } => {
                 let lss = Lss {
                     service: lss().service(*command),
@@ -226,8 +245,10 @@ impl Judged<'_> {
             EventKind::GuardRequest => return self.happen(&Happening::Guard, now, context),
             EventKind::SdoTransfer(transfer) => self.transfer(transfer, now, context),
             EventKind::NmtCommand { service, .. } => self.commanded(*service, now, context),
-            EventKind::NmtState(change) if change.to != NmtState::Operational => self.own.seen.forget_sent(),
-            EventKind::NodeLost(_) => self.own.seen.forget_sent(),
+            EventKind::NmtState(change) if change.to != NmtState::Operational => {
+                self.own.known.seen.forget_sent();
+            }
+            EventKind::NodeLost(_) => self.own.known.seen.forget_sent(),
             EventKind::BootUp { .. } | EventKind::AddressClaim(_) => self.started(now, context),
             EventKind::Emcy(emergency) => {
                 if emergency.boot.is_some() {
@@ -238,7 +259,7 @@ impl Judged<'_> {
                 }
             }
             EventKind::DeviceState(state) => {
-                self.own.changed(state.channel, context.now);
+                self.own.known.changed(state.channel, context.now);
                 self.happen(&Happening::State(state.channel, &state.to), now, context);
             }
             EventKind::MessageGap(gap) if gap.came_again => self.came_late(gap, now, context),
@@ -253,12 +274,12 @@ impl Judged<'_> {
 
     /// A message came again: its event follows, but others judge the gap already.
     fn came_late(&mut self, gap: &MessageGap, now: Now<'_>, context: &mut Context<'_>) {
-        let device = Arc::clone(&self.own.plan.device);
+        let device = Arc::clone(&self.own.known.plan.device);
         let address = self.id.number();
         let Some(spec) = device.messages.iter().find(|spec| spec.concerns(gap.pgn, address)) else { return };
         let late = Happening::Message(&spec.name, gap.pgn);
         for number in self.numbers(|rule| rule.kind == RuleKind::MaxInterval && concerns(rule, &late)) {
-            self.one(number, now, context, &mut |case, course, context| {
+            self.one(number, now, context, |case, course, context| {
                 judge::happened(case, course, &late, context);
             });
         }
@@ -269,27 +290,27 @@ impl Judged<'_> {
         self.happen(&Happening::Nmt(service.name()), now, context);
         if matches!(service, NmtService::ResetNode | NmtService::ResetCommunication) {
             self.own.withdraw();
-            self.own.seen.clear();
+            self.own.known.seen.clear();
         }
     }
 
     fn started(&mut self, now: Now<'_>, context: &mut Context<'_>) {
         self.happen(&Happening::Boot, now, context);
         self.own.withdraw();
-        self.own.seen.clear();
-        self.own.seen.is_fresh = true;
+        self.own.known.seen.clear();
+        self.own.known.seen.is_fresh = true;
     }
 
     fn transfer(&mut self, transfer: &SdoTransfer, now: Now<'_>, context: &mut Context<'_>) {
         for number in self.numbers(|rule| rule.kind == RuleKind::Expedited) {
-            self.one(number, now, context, &mut |case, _, context| {
+            self.one(number, now, context, |case, _, context| {
                 frames::expedited(case, transfer, context);
             });
         }
         let Some(object) = transfer.object else { return };
         let before = self.known(object);
         let Some(mut came) = Came::of(transfer, before) else { return };
-        came.is_fresh = before.is_none() && self.own.seen.is_fresh;
+        came.is_fresh = before.is_none() && self.own.known.seen.is_fresh;
         self.happen(&Happening::Came(came), now, context);
         if transfer.outcome == Outcome::Complete
             && let Some(name) = PdoName::of_parameter(object.index)
@@ -304,7 +325,7 @@ impl Judged<'_> {
             let meaning = self.node.meaning(object)?;
             return integer(&meaning.decode(&waiting.value));
         }
-        let sent = self.own.plan.watched(object).and_then(|(place, _)| self.own.seen.get(place));
+        let sent = self.own.known.plan.watched(object).and_then(|(place, _)| self.own.known.seen.get(place));
         match (sent, self.node.proven(object)) {
             (Some(sent), Some((raw, origin))) => Some(if origin.frame > sent.frame { raw } else { sent.raw }),
             (sent, stored) => sent.map(|sent| sent.raw).or(stored.map(|(raw, _)| raw)),

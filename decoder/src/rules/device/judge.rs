@@ -1,7 +1,7 @@
 //! Judges what happened by one rule: to each kind of statement its file.
 
 use super::attached::Course;
-use super::conditions::{Proof, Scene};
+use super::conditions::Scene;
 use super::happening::Happening;
 use super::{counts, order, times, values};
 use crate::event::{Event, FrameRange};
@@ -25,11 +25,7 @@ pub(super) struct Case<'a> {
 impl Case<'_> {
     /// Whether it is judged now: `while` is proven.
     pub(super) fn is_due(&self) -> bool {
-        self.during() == Proof::Holds
-    }
-
-    pub(super) fn during(&self) -> Proof {
-        self.scene.all(&self.rule.during.0, self.rule.channel)
+        self.scene.holds_while(self.rule, self.number)
     }
 
     /// What of `on` it is, if any.
@@ -75,9 +71,14 @@ impl Case<'_> {
         alarm.about(happening.about())
     }
 
-    /// What a deadline of the rule is known by.
-    pub(super) fn token(&self) -> u64 {
-        (self.scene.id.place() as u64) << 16 | self.number as u64
+    /// Looks at it again at a deadline.
+    pub(super) fn wait(&self, course: &mut Course, deadline: i64, context: &mut Context<'_>) {
+        course.deadline = Some(deadline);
+        if course.wake.is_none_or(|wake| deadline < wake) {
+            course.wake = Some(deadline);
+            let token = (self.scene.id.place() as u64) << 16 | self.number as u64;
+            context.wake_at(deadline, token);
+        }
     }
 }
 
@@ -110,8 +111,7 @@ pub(super) fn happened(
 
 /// Something happened that may begin or end a stretch in which the rule is judged.
 pub(super) fn look_again(case: &Case<'_>, course: &mut Course, context: &mut Context<'_>) {
-    let proof = case.during();
-    let held = std::mem::replace(&mut course.holds, proof == Proof::Holds);
+    let held = std::mem::replace(&mut course.holds, case.is_due());
     match case.rule.kind {
         RuleKind::MaxInterval => times::stretch(case, course, held, context),
         RuleKind::Follow if !course.holds => (course.last, course.deadline) = (None, None),
@@ -124,7 +124,11 @@ pub(super) fn look_again(case: &Case<'_>, course: &mut Course, context: &mut Con
 
 /// A time has come that the rule asked for.
 pub(super) fn due(case: &Case<'_>, course: &mut Course, context: &mut Context<'_>) {
-    let Some(deadline) = course.deadline.filter(|deadline| *deadline <= context.now) else { return };
+    course.wake.take_if(|wake| *wake <= context.now);
+    let Some(deadline) = course.deadline else { return };
+    if deadline > context.now {
+        return case.wait(course, deadline, context);
+    }
     course.deadline = None;
     match case.rule.kind {
         RuleKind::Follow => times::missing(case, course, deadline, context),

@@ -8,6 +8,7 @@
 //! `profile/device/rule.rs`; nothing here knows a device.
 
 mod attached;
+mod carried;
 mod conditions;
 mod counts;
 mod dispatch;
@@ -18,6 +19,7 @@ mod judge;
 mod order;
 mod pdo;
 mod plan;
+mod proofs;
 mod times;
 mod values;
 
@@ -73,7 +75,7 @@ impl DeviceRules {
             let device = bus.node(id).filter(|node| node.assigned().is_some()).map(Node::device);
             let device = device.filter(|device| !device.rules.is_empty());
             let same = match (self.nodes.get(id), device) {
-                (Some(own), Some(device)) => Arc::ptr_eq(&own.plan.device, device),
+                (Some(own), Some(device)) => Arc::ptr_eq(&own.known.plan.device, device),
                 (None, None) => true,
                 _ => false,
             };
@@ -105,7 +107,7 @@ impl DeviceRules {
     pub(super) fn wanted(&self) -> KindSet {
         let attaching = KindSet::by_name(|name| ATTACHING.contains(&name));
         self.nodes.iter().fold(attaching, |kinds, (id, own)| {
-            let (canopen, j1939) = own.plan.kinds;
+            let (canopen, j1939) = own.known.plan.kinds;
             kinds.or(if id.canopen().is_some() { canopen } else { j1939 })
         })
     }
@@ -132,11 +134,17 @@ impl DeviceRules {
     }
 
     /// Judges at one node.
-    fn at(&mut self, id: NodeId, bus: &Bus, judged: &mut dyn FnMut(&mut Judged<'_>)) {
-        let (Some(node), Some(mut own)) = (bus.node(id), self.nodes.remove(id)) else { return };
-        judged(&mut Judged { bus, id, node, own: &mut own, others: &self.nodes });
-        self.nodes.insert(id, own);
+    fn at(&mut self, id: NodeId, bus: &Bus, judged: impl FnOnce(&mut Judged<'_>)) {
+        at(&mut self.nodes, id, bus, judged);
     }
+}
+
+/// Judges at one node.
+#[inline]
+fn at(nodes: &mut NodeMap<Box<Attached>>, id: NodeId, bus: &Bus, judged: impl FnOnce(&mut Judged<'_>)) {
+    let (Some(node), Some(mut own)) = (bus.node(id), nodes.remove(id)) else { return };
+    judged(&mut Judged { bus, id, node, own: &mut own, others: nodes });
+    nodes.insert(id, own);
 }
 
 impl Rule for DeviceRules {
@@ -166,18 +174,18 @@ impl Rule for DeviceRules {
         let Some(id) = self.ids.iter().copied().find(|id| id.place() as u64 == token >> 16) else { return };
         let Ok(number) = usize::try_from(token & 0xFFFF) else { return };
         let bus = context.bus;
-        self.at(id, bus, &mut |judged| {
-            judged.one(number, Now::passed(bus), context, &mut judge::due);
+        self.at(id, bus, |judged| {
+            judged.one(number, Now::passed(bus), context, judge::due);
         });
     }
 
     fn finish(&mut self, context: &mut Context<'_>) {
         let bus = context.bus;
         for id in self.ids.clone() {
-            self.at(id, bus, &mut |judged| {
+            self.at(id, bus, |judged| {
                 judged.heard(context);
                 for number in judged.numbers(|rule| rule.kind == RuleKind::MaxInterval) {
-                    judged.one(number, Now::passed(bus), context, &mut times::still_missing);
+                    judged.one(number, Now::passed(bus), context, times::still_missing);
                 }
             });
         }

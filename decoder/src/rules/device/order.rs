@@ -20,7 +20,7 @@ pub(super) fn precondition(case: &Case<'_>, happening: &Happening<'_>, context: 
         return;
     }
     let (needs, channel) = (&case.rule.needs.0, case.rule.channel);
-    match case.scene.all(needs, channel) {
+    match case.scene.needs(case.rule, case.number) {
         Proof::Holds => context.pass(),
         Proof::Unknown => {}
         Proof::Fails => {

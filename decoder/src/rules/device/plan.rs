@@ -82,20 +82,44 @@ impl Plan {
         Some((place, self.watched.get(place)?))
     }
 
-    /// The object at a place.
-    pub(super) fn at(&self, place: usize) -> Option<&Watched> {
-        self.watched.get(place)
-    }
-
     /// How many objects there are whose values count.
     pub(super) fn watched_count(&self) -> usize {
         self.watched.len()
+    }
+
+    /// A rule and its place in the ledger; `None` of one that is switched off.
+    #[inline]
+    pub(super) fn rule(&self, number: usize) -> Option<(&DeviceRule, u16)> {
+        let place = self.places.get(number).copied().flatten()?;
+        Some((self.device.rules.get(number)?, place))
     }
 
     /// The rules with their numbers, those that are switched off apart.
     pub(super) fn rules(&self) -> impl Iterator<Item = (usize, &DeviceRule)> {
         let on = self.device.rules.iter().zip(&self.places).enumerate();
         on.filter(|(_, (_, place))| place.is_some()).map(|(number, (rule, _))| (number, rule))
+    }
+
+    /// Whether another value of an object may begin or end what a rule calls `while`: where that is nothing but values
+    /// that do not grow old, only theirs do.
+    pub(super) fn may_begin_or_end(&self, rule: &DeviceRule, object: ObjectAddress) -> bool {
+        let concerns = |condition: &Condition| match condition {
+            Condition::Object { object: of, .. } | Condition::Inside { object: of, .. } => {
+                of.object == object || !self.is_lasting(condition)
+            }
+            _ => true,
+        };
+        rule.during.0.iter().any(concerns)
+    }
+
+    /// Whether a condition is about a value that does not grow old.
+    pub(super) fn is_lasting(&self, condition: &Condition) -> bool {
+        match condition {
+            Condition::Object { object, .. } | Condition::Inside { object, .. } => {
+                self.watched(object.object).is_some_and(|(_, watched)| !watched.is_measured)
+            }
+            _ => false,
+        }
     }
 
     fn take(&mut self, number: usize, rule: &DeviceRule, names: &mut Vec<&str>) {

@@ -169,8 +169,7 @@ pub(super) fn follow(
     let deadline = context.now.saturating_add(limit).saturating_add(context.granularity);
     course.holds = true;
     course.last = Some(Moment { time: context.now, frame: case.frames.last });
-    course.deadline = Some(deadline);
-    context.wake_at(deadline, case.token());
+    case.wait(course, deadline, context);
 }
 
 /// The time of an answer has passed.

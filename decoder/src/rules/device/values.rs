@@ -77,8 +77,7 @@ pub(super) fn ascending(
     if case.rule.on.0.is_empty() {
         if subject(case, happening).is_some_and(|value| value.way == Way::Written) && context.has_time {
             let deadline = context.now.saturating_add(WRITTEN);
-            course.deadline = Some(deadline);
-            context.wake_at(deadline, case.token());
+            case.wait(course, deadline, context);
         }
     } else if case.on(happening).is_some() && case.is_due() {
         match falling(case) {

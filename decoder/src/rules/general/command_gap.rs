@@ -7,9 +7,8 @@ use foldhash::fast::FixedState;
 use crate::event::{Event, EventKind, FrameRange, J1939Message, MessageGap, Outcome, Pdo, SdoTransfer};
 use crate::finding::{About, Severity};
 use crate::frame::CanId;
-use crate::profile::PdoDirection;
 use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::{BySlot, Context, NodeMap, PdoSlot, Rule, Setup};
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 use crate::wire::canopen::nmt::NmtService;
@@ -70,7 +69,7 @@ pub(super) struct CommandGap {
     warning: f64,
     times: f64,
     least: i64,
-    streams: Vec<Stream>,
+    streams: BySlot<Stream>,
     awaited: HashMap<CanId, Awaited, FixedState>,
     /// When the master last did something to a node, or to all.
     busy: NodeMap<i64>,
@@ -82,7 +81,7 @@ pub(super) fn new(setup: &Setup) -> CommandGap {
         warning: setup.tolerance(&DECLARATION, "warning-percent") / 100.0,
         times: setup.tolerance(&DECLARATION, "median-times"),
         least: setup.nanoseconds(&DECLARATION, "least-ms"),
-        streams: Vec::new(),
+        streams: BySlot::default(),
         awaited: HashMap::default(),
         busy: NodeMap::default(),
         all_busy: None,
@@ -94,11 +93,7 @@ impl CommandGap {
     fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &mut Context<'_>) {
         let Some(slot) = context.traffic.current() else { return };
         let (Some(interval), Some(median)) = (slot.interval, slot.median) else { return };
-        let (place, before) = (slot.place, slot.frames.1);
-        if self.streams.len() <= place {
-            self.streams.resize_with(place + 1, Stream::default);
-        }
-        let Some(stream) = self.streams.get_mut(place) else { return };
+        let Some(stream) = self.streams.of(slot) else { return };
         if interval <= median.saturating_mul(2) {
             // A burst is no cycle.
             let is_near = interval >= median / 2;
@@ -113,8 +108,7 @@ impl CommandGap {
         }
         let was_regular = std::mem::take(&mut stream.regular) >= REGULAR;
         if was_regular && interval > self.limit(median) {
-            let frames = FrameRange { first: before, last: event.frames.last };
-            self.gap(event, place, (interval, median), frames, context);
+            self.gap(event, slot, (interval, median), context);
         }
     }
 
@@ -129,19 +123,18 @@ impl CommandGap {
     fn gap(
         &mut self,
         event: &Event,
-        place: usize,
+        slot: &PdoSlot,
         (interval, median): (i64, i64),
-        frames: FrameRange,
         context: &mut Context<'_>,
     ) {
-        let Some((node, _, name)) = self.streams.get(place).and_then(|stream| stream.of.as_ref()) else {
+        let Some((node, _, name)) = self.streams.get(slot.place).and_then(|stream| stream.of.as_ref()) else {
             return;
         };
         let severity = self.severity(*node, context.now.saturating_sub(interval), context);
         let limit = self.limit(median);
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
         let alarm = context.fail(event).node(Some(*node)).measure(interval as f64).severity(severity);
-        let alarm = alarm.about(About::Name(name.as_str().into())).frames(frames);
+        let alarm = alarm.about(About::Name(name.as_str().into())).frames(slot.between());
         alarm.say(|| {
             let [interval, limit, median] = [interval, limit, median].map(milliseconds);
             format!("{name} after {interval} > {limit} (usual {median})")
@@ -220,11 +213,7 @@ impl Rule for CommandGap {
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {
-            EventKind::Pdo(pdo)
-                if pdo.name.direction == PdoDirection::Receive && !pdo.is_request && !event.presumed =>
-            {
-                self.pdo(event, pdo, context);
-            }
+            EventKind::Pdo(pdo) if !event.presumed => self.pdo(event, pdo, context),
             EventKind::J1939Message(message) if message.layout.is_some() => {
                 self.message(event, message, context);
             }

@@ -2,11 +2,11 @@
 
 use crate::event::{Event, EventKind, FrameRange, Pdo};
 use crate::finding::{About, Severity};
+use crate::profile::PdoName;
 use crate::profile::device::PdoEffect;
-use crate::profile::{PdoDirection, PdoName};
 use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, Rule, Setup};
-use crate::session::Node;
+use crate::rules::{BySlot, Context, Rule, Setup};
+use crate::session::{Bus, Node};
 use crate::wire::NodeId;
 
 declare_rule! {
@@ -26,7 +26,7 @@ declare_rule! {
     /// # Mutation
     /// send the RPDO three times between two SYNCs
     "commands-per-sync", Warning, "several commands come between two SYNCs, of which one acts",
-    kinds: ["rpdo", "sync", "node-identified"],
+    kinds: ["rpdo", "sync", "node-identified", "node-id-change"],
     word: "SYNC",
     tolerances: &[
         tolerance("note-count", 1.0, "", "RPDOs of one identifier between two SYNCs, more are a note"),
@@ -50,38 +50,39 @@ struct Commands {
 pub(super) struct CommandsPerSync {
     note: f64,
     warning: f64,
-    commands: Vec<Commands>,
+    commands: BySlot<Commands>,
     /// Places of those that wait.
     waiting: Vec<usize>,
     last: Option<i64>,
+    /// Whether any device has an RPDO that waits for SYNC.
+    may_wait: bool,
 }
 
 pub(super) fn new(setup: &Setup) -> CommandsPerSync {
     CommandsPerSync {
         note: setup.tolerance(&DECLARATION, "note-count"),
         warning: setup.tolerance(&DECLARATION, "warning-count"),
-        commands: Vec::new(),
+        commands: BySlot::default(),
         waiting: Vec::new(),
         last: None,
+        may_wait: true,
     }
 }
 
 impl CommandsPerSync {
     #[inline]
     fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &Context<'_>) {
-        let Some(place) = context.traffic.current().map(|slot| slot.place) else { return };
-        match self.commands.get_mut(place) {
-            Some(commands) if commands.waits == Some(false) => {}
-            Some(commands) if commands.waits == Some(true) => commands.take(event.frames.last),
-            _ => self.look_up(event, pdo, place, context),
+        let Some(slot) = context.traffic.current() else { return };
+        let Some(commands) = self.commands.of(slot) else { return };
+        match commands.waits {
+            Some(false) => {}
+            Some(true) => commands.take(event.frames.last),
+            None => self.look_up(event, pdo, slot.place, context),
         }
     }
 
     #[cold]
     fn look_up(&mut self, event: &Event, pdo: &Pdo, place: usize, context: &Context<'_>) {
-        if self.commands.len() <= place {
-            self.commands.resize_with(place + 1, Commands::default);
-        }
         let (Some(commands), Some(id)) = (self.commands.get_mut(place), event.node) else { return };
         let device = context.node(event).map(Node::device);
         let spec = device.and_then(|device| device.pdos.iter().find(|spec| spec.pdo == pdo.name));
@@ -114,10 +115,14 @@ impl CommandsPerSync {
 
     fn forget(&mut self) {
         self.waiting.clear();
-        for commands in &mut self.commands {
-            *commands = Commands::default();
-        }
+        self.commands.clear();
     }
+}
+
+/// Whether any device has an RPDO that waits for SYNC.
+fn may_wait(bus: &Bus) -> bool {
+    let waits = |node: &Node| node.device().pdos.iter().any(|spec| spec.effect == PdoEffect::AtSync);
+    bus.nodes().any(waits)
 }
 
 impl Commands {
@@ -131,15 +136,25 @@ impl Commands {
 }
 
 impl Rule for CommandsPerSync {
+    fn begin(&mut self, context: &mut Context<'_>) {
+        self.may_wait = may_wait(context.bus);
+    }
+
+    fn wants_pdos(&self) -> bool {
+        self.may_wait
+    }
+
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {
-            EventKind::Pdo(pdo) if pdo.name.direction == PdoDirection::Receive && !pdo.is_request => {
-                self.pdo(event, pdo, context);
-            }
+            EventKind::Pdo(pdo) => self.pdo(event, pdo, context),
             EventKind::Sync { .. } => self.sync(event, context),
             // Another device, other PDOs.
-            EventKind::NodeIdentified(_) => self.forget(),
+            EventKind::NodeIdentified(_) => {
+                self.forget();
+                self.may_wait = may_wait(context.bus);
+            }
+            EventKind::NodeIdChange { .. } => self.may_wait = may_wait(context.bus),
             _ => {}
         }
     }

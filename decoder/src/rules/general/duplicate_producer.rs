@@ -89,8 +89,7 @@ impl DuplicateProducer {
         let Some(turns) = self.turns.get_mut(slot.place) else {
             return self.turns.resize(slot.place + 1, Turns::default());
         };
-        let payload = pdo.bytes.first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes));
-        let goes_on = turns.take((payload, pdo.length), slot.interval.unwrap_or(0), self.longest);
+        let goes_on = turns.take((pdo.word(), pdo.length), slot.interval.unwrap_or(0), self.longest);
         turns.count = if goes_on { turns.count + 1 } else { 0 };
         turns.judged += 1;
         if turns.count >= 2 * self.periods {

@@ -3,7 +3,6 @@
 use super::facts::mapped_bytes;
 use crate::event::{Event, EventKind, FrameRange, Pdo};
 use crate::finding::About;
-use crate::profile::PdoDirection;
 use crate::rules::declaration::{declare_rule, tolerance};
 use crate::rules::{Context, NodeMap, Rule, Setup};
 use crate::wire::NodeId;
@@ -65,8 +64,7 @@ impl EmcyMissing {
 }
 
 fn is_short(pdo: &Pdo) -> bool {
-    pdo.name.direction == PdoDirection::Receive
-        && mapped_bytes(pdo).is_some_and(|bytes| u16::from(pdo.length) < bytes)
+    mapped_bytes(pdo).is_some_and(|bytes| u16::from(pdo.length) < bytes)
 }
 
 impl Rule for EmcyMissing {

@@ -1,7 +1,7 @@
 //! A controller holds the reset bit of a fault instead of raising it.
 
 use crate::event::{DeviceState, EmcyAction, Event, EventKind, Pdo};
-use crate::profile::{PdoDirection, SignalId};
+use crate::profile::SignalId;
 use crate::rules::declaration::{declare_rule, tolerance};
 use crate::rules::machines::{about, edges_out, machine};
 use crate::rules::{Context, NodeMap, Rule, Setup};
@@ -167,9 +167,7 @@ impl Rule for FaultResetWithoutEdge {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         let Some(node) = event.node else { return };
         match &event.kind {
-            EventKind::Pdo(pdo) if self.count > 0 && pdo.name.direction == PdoDirection::Receive => {
-                self.control(event, node, pdo, context);
-            }
+            EventKind::Pdo(pdo) if self.count > 0 => self.control(event, node, pdo, context),
             EventKind::DeviceState(state) => self.state(event, node, state, context),
             EventKind::Emcy(emergency) if emergency.action == EmcyAction::AllCleared => {
                 for fault in self.faults.get_mut(node).into_iter().flatten().filter(|it| !it.is_told) {

@@ -79,12 +79,19 @@ impl NodeLost {
             .say(|| format!("heartbeat after {interval:.0} ms; 1017 says {expected:.0} ms"));
     }
 
-    fn lost(event: &Event, silence: &Silence, context: &mut Context<'_>) {
+    fn lost(&self, event: &Event, silence: &Silence, context: &mut Context<'_>) {
+        // It may go on with other messages.
+        let heartbeat = event.node.and_then(|node| self.last.get(node)).map(|(_, frame)| *frame);
+        let heartbeat = heartbeat.filter(|frame| (1..silence.last_frame).contains(frame));
+        let heartbeat = heartbeat.filter(|_| silence.monitored_by == "heartbeat");
         let state = silence.last_state.map_or_else(String::new, |state| format!(", was {}", state.name()));
         let code = silence.last_emcy.map_or_else(String::new, |code| format!(", last EMCY {code:04X}"));
         context.fail(event).ongoing().say(|| {
-            let by = silence.monitored_by;
-            format!("silent since {{{}}} ({by}){state}{code}", silence.last_frame)
+            let (by, last) = (silence.monitored_by, silence.last_frame);
+            match heartbeat {
+                Some(frame) => format!("no {by} since {{{frame}}}, though it sent {{{last}}}{state}{code}"),
+                None => format!("silent since {{{last}}} ({by}){state}{code}"),
+            }
         });
     }
 }
@@ -101,7 +108,7 @@ impl Rule for NodeLost {
             EventKind::Heartbeat { .. } => self.heartbeat(event, node, context),
             EventKind::NodeLost(silence) => {
                 self.lost.insert(node);
-                Self::lost(event, silence, context);
+                self.lost(event, silence, context);
             }
             EventKind::NodeBack(_) => context.close(Some(node), About::Whole),
             // A restart begins anew; how long a reset takes is judged elsewhere.

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use crate::event::{Effective, Event, EventKind, FrameRange, Pdo, SetPoint};
+use crate::event::{Effective, Event, EventKind, FrameRange, ModeChange, Pdo, SetPoint};
 use crate::finding::About;
-use crate::profile::{Carrier, Layout, Meaning, PdoDirection};
+use crate::profile::{Carrier, Cut, Layout, Meaning, integer};
 use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, NodeSet, Rule, Setup};
+use crate::rules::{BySlot, Context, Rule, Setup};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -68,7 +68,9 @@ struct Pair {
 #[derive(Default)]
 struct Paired {
     layout: Option<Arc<Layout>>,
-    fields: Vec<usize>,
+    node: Option<NodeId>,
+    /// Their places, those of the pairs they belong to, and where their numbers lie.
+    fields: Vec<(usize, usize, Option<Cut>)>,
     /// Which pairs there were when it was looked at last.
     generation: u64,
 }
@@ -78,11 +80,11 @@ pub(super) struct NotFollowing {
     valve: i64,
     pump: i64,
     pairs: Vec<Pair>,
-    /// By place in [`crate::rules::Traffic`].
-    paired: Vec<Paired>,
+    paired: BySlot<Paired>,
     /// Counts up with the pairs: a payload that stays as it is is looked at once more.
     generation: u64,
-    open_loop: NodeSet,
+    /// Outputs whose mode closes no loop; without a channel the whole device.
+    open_loop: Vec<(NodeId, Option<u8>)>,
 }
 
 pub(super) fn new(setup: &Setup) -> NotFollowing {
@@ -91,9 +93,9 @@ pub(super) fn new(setup: &Setup) -> NotFollowing {
         valve: setup.nanoseconds(&DECLARATION, "valve-ms"),
         pump: setup.nanoseconds(&DECLARATION, "pump-ms"),
         pairs: Vec::new(),
-        paired: Vec::new(),
+        paired: BySlot::default(),
         generation: 0,
-        open_loop: NodeSet::default(),
+        open_loop: Vec::new(),
     }
 }
 
@@ -102,7 +104,7 @@ impl NotFollowing {
         let (Carrier::Pdo(_), Some(node)) = (&told.carrier, context.node(event)) else { return };
         // A state that follows the control word shows that the contents of the PDOs are as assumed.
         let is_sure = !told.assumed || node.device_states().next().is_some();
-        let acts = told.effective == Effective::Yes && is_sure && !self.open_loop.contains(id);
+        let acts = told.effective == Effective::Yes && is_sure && !self.is_open_loop(id, told.channel);
         let known = self.pairs.iter().position(|pair| pair.node == id && pair.set_point == told.object);
         let place = match known {
             Some(place) => place,
@@ -136,45 +138,68 @@ impl NotFollowing {
         pair.judge(place, share, event.frames.last, context);
     }
 
+    /// A mode that says by the profile whether the loop is closed; others say nothing of it.
+    fn mode(&mut self, event: &Event, id: NodeId, mode: &ModeChange, context: &Context<'_>) {
+        let Some(node) = context.node(event) else { return };
+        let entry = node.device().dictionary.find(mode.object).and_then(|found| found.entry);
+        let Some(entry) = entry.filter(|entry| !entry.open_loop.is_empty()) else { return };
+        let value = node.meaning(mode.object).zip(node.store().get(mode.object));
+        let value = value.and_then(|(meaning, held)| integer(&meaning.decode(&held.value)));
+        let place = (id, mode.channel);
+        self.open_loop.retain(|known| *known != place);
+        if value.is_some_and(|value| entry.open_loop.contains(&value)) && self.open_loop.len() < PAIR_LIMIT {
+            self.open_loop.push(place);
+        }
+    }
+
+    fn is_open_loop(&self, id: NodeId, channel: Option<u8>) -> bool {
+        let is_of = |of: &(NodeId, Option<u8>)| of.0 == id && (of.1.is_none() || of.1 == channel);
+        self.open_loop.iter().any(is_of)
+    }
+
     fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &mut Context<'_>) {
         let (Some(layout), Some(slot), Some(node)) = (&pdo.layout, context.traffic.current(), event.node)
         else {
             return;
         };
-        let place = slot.place;
-        if self.paired.len() <= place {
-            self.paired.resize_with(place + 1, Paired::default);
-        }
-        let Some(paired) = self.paired.get_mut(place) else { return };
-        if paired.layout.as_ref().is_none_or(|known| !Arc::ptr_eq(known, layout)) {
-            paired.learn(layout);
-        } else if event.routine && paired.generation == self.generation {
+        let Some(paired) = self.paired.of(slot) else { return };
+        let is_known = paired.layout.as_ref().is_some_and(|known| Arc::ptr_eq(known, layout))
+            && paired.generation == self.generation
+            && paired.node == Some(node);
+        if !is_known {
+            paired.learn(layout, node, &self.pairs);
+            paired.generation = self.generation;
+        } else if event.routine {
             return;
         }
-        paired.generation = self.generation;
-        for place in &paired.fields {
-            let Some(field) = layout.fields.get(*place) else { continue };
-            let (Some(meaning), Some(raw)) = (&field.meaning, field.extract(pdo.payload())) else { continue };
-            let own = |pair: &Pair| pair.node == node && Some(pair.set_point) == meaning.of;
-            let Some(place) = self.pairs.iter().position(own) else { continue };
-            let Some(pair) = self.pairs.get_mut(place) else { continue };
+        for (field, place, cut) in &paired.fields {
+            let (Some(field), Some(pair)) = (layout.fields.get(*field), self.pairs.get_mut(*place)) else {
+                continue;
+            };
+            let raw = match cut {
+                Some(cut) => cut.number(pdo.word(), usize::from(pdo.length)).map(i64::cast_unsigned),
+                None => field.extract(pdo.payload()),
+            };
+            let (Some(meaning), Some(raw)) = (&field.meaning, raw) else { continue };
             pair.actual = meaning.scaled(&field.value(raw));
             if pair.full_scale.is_none() {
                 pair.learn(meaning);
             }
-            pair.judge(place, self.share, event.frames.last, context);
+            pair.judge(*place, self.share, event.frames.last, context);
         }
     }
 }
 
 impl Paired {
     #[cold]
-    fn learn(&mut self, layout: &Arc<Layout>) {
-        let follows = |meaning: &Arc<Meaning>| meaning.of.is_some();
-        let fields = layout.fields.iter().enumerate();
-        let fields = fields.filter(|(_, field)| field.meaning.as_ref().is_some_and(follows));
-        self.fields = fields.map(|(place, _)| place).collect();
-        self.layout = Some(Arc::clone(layout));
+    fn learn(&mut self, layout: &Arc<Layout>, node: NodeId, pairs: &[Pair]) {
+        let fields = layout.fields.iter().enumerate().filter_map(|(place, field)| {
+            let of = field.meaning.as_deref()?.of?;
+            let pair = pairs.iter().position(|pair| pair.node == node && pair.set_point == of)?;
+            Some((place, pair, Cut::of(field)))
+        });
+        self.fields = fields.collect();
+        (self.layout, self.node) = (Some(Arc::clone(layout)), Some(node));
     }
 }
 
@@ -238,13 +263,7 @@ impl Rule for NotFollowing {
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match (&event.kind, event.node) {
-            (EventKind::Pdo(pdo), _)
-                if !self.pairs.is_empty()
-                    && pdo.name.direction == PdoDirection::Transmit
-                    && !pdo.is_request =>
-            {
-                self.pdo(event, pdo, context);
-            }
+            (EventKind::Pdo(pdo), _) if !self.pairs.is_empty() => self.pdo(event, pdo, context),
             (EventKind::SetPoint(point), Some(node)) => self.set_point(event, node, point, context),
             (EventKind::BootUp { .. }, Some(node)) => {
                 for pair in self.pairs.iter_mut().filter(|pair| pair.node == node) {
@@ -253,13 +272,7 @@ impl Rule for NotFollowing {
                 }
                 self.generation += 1;
             }
-            (EventKind::Mode(mode), Some(node)) => {
-                if mode.to.contains("open loop") {
-                    self.open_loop.insert(node);
-                } else {
-                    self.open_loop.remove(node);
-                }
-            }
+            (EventKind::Mode(mode), Some(node)) => self.mode(event, node, mode, context),
             _ => {}
         }
     }

@@ -1,10 +1,10 @@
 //! Event timers of TPDOs.
 
 use super::pdo_parameter::PdoParameter;
-use crate::event::{Event, EventKind, FrameRange, Pdo};
+use crate::event::{Event, EventKind, Pdo};
 use crate::finding::About;
 use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::{BySlot, Context, Rule, Setup};
 
 declare_rule! {
     /// # What it checks
@@ -36,39 +36,34 @@ const SLACK: i64 = 10_000_000;
 pub(super) struct PdoEventTimer {
     percent: i64,
     timer: PdoParameter,
-    seen: Vec<u32>,
+    seen: BySlot<u32>,
 }
 
 pub(super) fn new(setup: &Setup) -> PdoEventTimer {
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     let percent = setup.tolerance(&DECLARATION, "warning-percent") as i64;
-    PdoEventTimer { percent, timer: PdoParameter::new(5), seen: Vec::new() }
+    PdoEventTimer { percent, timer: PdoParameter::new(5), seen: BySlot::default() }
 }
 
 impl PdoEventTimer {
     #[inline]
     fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &mut Context<'_>) {
         let Some(slot) = context.traffic.current() else { return };
-        let timer = self.timer.of(event, pdo, slot.place, context);
+        let timer = self.timer.of(event, pdo, slot, context);
         let Some(timer) = timer.and_then(|timer| i64::try_from(timer).ok()).filter(|timer| *timer > 0) else {
             return;
         };
-        if self.seen.len() <= slot.place {
-            self.seen.resize(slot.place + 1, 0);
-        }
-        let Some(seen) = self.seen.get_mut(slot.place) else { return };
+        let Some(seen) = self.seen.of(slot) else { return };
         let is_first = std::mem::replace(seen, self.timer.generation()) != self.timer.generation();
         let Some(interval) = slot.interval.filter(|_| !is_first) else { return };
         let limit = timer.saturating_mul(self.percent).saturating_mul(10_000).saturating_add(SLACK);
         if interval <= limit {
             return context.pass();
         }
-        let (last, before) = slot.frames;
         let (name, after) = (pdo.name, interval / 1_000_000);
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
         let measure = interval as f64;
-        let frames = FrameRange { first: before, last };
-        let alarm = context.fail(event).about(About::Id(pdo.cob_id)).frames(frames).measure(measure);
+        let alarm = context.fail(event).about(About::Id(pdo.cob_id)).frames(slot.between()).measure(measure);
         alarm.say(|| format!("{name} after {after} ms; its event timer is {timer} ms"));
     }
 }

@@ -1,10 +1,10 @@
 //! Inhibit times of TPDOs.
 
 use super::pdo_parameter::PdoParameter;
-use crate::event::{Event, EventKind, FrameRange, Pdo};
+use crate::event::{Event, EventKind, Pdo};
 use crate::finding::About;
 use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::{BySlot, Context, Rule, Setup};
 
 declare_rule! {
     /// # What it checks
@@ -42,28 +42,30 @@ pub(super) struct PdoInhibitTime {
     percent: i64,
     inhibit: PdoParameter,
     kind: PdoParameter,
-    short: Vec<u8>,
+    short: BySlot<u8>,
 }
 
 pub(super) fn new(setup: &Setup) -> PdoInhibitTime {
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     let percent = setup.tolerance(&DECLARATION, "warning-percent") as i64;
-    PdoInhibitTime { percent, inhibit: PdoParameter::new(3), kind: PdoParameter::new(2), short: Vec::new() }
+    PdoInhibitTime {
+        percent,
+        inhibit: PdoParameter::new(3),
+        kind: PdoParameter::new(2),
+        short: BySlot::default(),
+    }
 }
 
 impl PdoInhibitTime {
     #[inline]
     fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &mut Context<'_>) {
         let Some(slot) = context.traffic.current() else { return };
-        let inhibit = self.inhibit.of(event, pdo, slot.place, context);
+        let inhibit = self.inhibit.of(event, pdo, slot, context);
         let Some(inhibit) = inhibit.and_then(|time| i64::try_from(time).ok()).filter(|time| *time > 0) else {
             return;
         };
-        let Some(254 | 255) = self.kind.of(event, pdo, slot.place, context) else { return };
-        if self.short.len() <= slot.place {
-            self.short.resize(slot.place + 1, 0);
-        }
-        let (Some(short), Some(interval)) = (self.short.get_mut(slot.place), slot.interval) else { return };
+        let Some(254 | 255) = self.kind.of(event, pdo, slot, context) else { return };
+        let (Some(short), Some(interval)) = (self.short.of(slot), slot.interval) else { return };
         let shortest = inhibit.saturating_mul(STEP) / 100 * self.percent - DIGIT;
         if interval >= shortest {
             *short = 0;
@@ -74,12 +76,8 @@ impl PdoInhibitTime {
             return;
         }
         *short = 0;
-        let (frame, before) = slot.frames;
         let (name, after) = (pdo.name, interval / STEP);
-        let alarm = context
-            .fail(event)
-            .about(About::Id(pdo.cob_id))
-            .frames(FrameRange { first: before, last: frame });
+        let alarm = context.fail(event).about(About::Id(pdo.cob_id)).frames(slot.between());
         alarm.say(|| {
             let tenths = |time: i64| format!("{}.{} ms", time / 10, time % 10);
             format!("{name} after {}; its inhibit time is {}", tenths(after), tenths(inhibit))

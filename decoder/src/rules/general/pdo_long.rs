@@ -22,7 +22,7 @@ declare_rule! {
     /// # Mutation
     /// add a byte to a PDO
     "pdo-long", Note, "a PDO is longer than its mapping",
-    kinds: ["pdo"],
+    kinds: ["pdo-mapped"],
     word: "PDO",
 }
 

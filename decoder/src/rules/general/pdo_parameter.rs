@@ -4,7 +4,7 @@
 use super::facts::sure;
 use crate::event::{Event, EventKind, Pdo};
 use crate::profile::PdoDirection;
-use crate::rules::Context;
+use crate::rules::{BySlot, Context, PdoSlot};
 use crate::wire::NodeId;
 
 /// PDOs without the parameter after which none of the bus has it: more than there are identifiers.
@@ -15,7 +15,7 @@ const ENOUGH: u32 = 4096;
 pub(super) struct PdoParameter {
     sub: u8,
     generation: u32,
-    known: Vec<(u32, Option<u64>)>,
+    known: BySlot<(u32, Option<u64>)>,
     /// It was found for some PDO since it may have changed.
     is_known: bool,
     /// PDOs since then for which it was not.
@@ -25,7 +25,7 @@ pub(super) struct PdoParameter {
 impl PdoParameter {
     /// Sub-index `sub` of 1800 and up.
     pub(super) fn new(sub: u8) -> Self {
-        Self { sub, generation: 1, known: Vec::new(), is_known: false, in_vain: 0 }
+        Self { sub, generation: 1, known: BySlot::default(), is_known: false, in_vain: 0 }
     }
 
     /// An event may change it; whether it does.
@@ -60,12 +60,12 @@ impl PdoParameter {
         &mut self,
         event: &Event,
         pdo: &Pdo,
-        place: usize,
+        slot: &PdoSlot,
         context: &Context<'_>,
     ) -> Option<u64> {
-        let value = match self.known.get(place) {
+        let value = match self.known.of(slot) {
             Some((generation, value)) if *generation == self.generation => *value,
-            _ => self.look_up(event.node?, pdo, place, context),
+            _ => self.look_up(event.node?, pdo, slot, context),
         };
         if value.is_none() {
             self.in_vain = self.in_vain.saturating_add(1);
@@ -74,15 +74,12 @@ impl PdoParameter {
     }
 
     #[cold]
-    fn look_up(&mut self, node: NodeId, pdo: &Pdo, place: usize, context: &Context<'_>) -> Option<u64> {
+    fn look_up(&mut self, node: NodeId, pdo: &Pdo, slot: &PdoSlot, context: &Context<'_>) -> Option<u64> {
         let is_sent = pdo.name.direction == PdoDirection::Transmit;
         let node = context.bus.node(node).filter(|_| is_sent);
         let value = node.and_then(|node| sure(node, pdo.name.communication_index(), self.sub));
         self.is_known |= value.is_some();
-        if self.known.len() <= place {
-            self.known.resize(place + 1, (0, None));
-        }
-        if let Some(known) = self.known.get_mut(place) {
+        if let Some(known) = self.known.of(slot) {
             *known = (self.generation, value);
         }
         value

@@ -6,7 +6,7 @@ use crate::finding::About;
 use crate::frame::CanId;
 use crate::profile::PdoDirection;
 use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::{BySlot, Context, Rule, Setup};
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 
@@ -47,11 +47,11 @@ struct Request {
 
 pub(super) struct PdoRtr {
     limit: i64,
-    open: Vec<Option<Request>>,
+    open: BySlot<Option<Request>>,
 }
 
 pub(super) fn new(setup: &Setup) -> PdoRtr {
-    PdoRtr { limit: setup.nanoseconds(&DECLARATION, "error-ms"), open: Vec::new() }
+    PdoRtr { limit: setup.nanoseconds(&DECLARATION, "error-ms"), open: BySlot::default() }
 }
 
 impl PdoRtr {
@@ -68,10 +68,7 @@ impl PdoRtr {
             return;
         }
         let place = slot.place;
-        if self.open.len() <= place {
-            self.open.resize(place + 1, None);
-        }
-        if let Some(open) = self.open.get_mut(place) {
+        if let Some(open) = self.open.of(slot) {
             let request =
                 Request { at: context.now, frame: event.frames.last, node: id, id: pdo.cob_id, state };
             if open.is_none() {
@@ -106,9 +103,6 @@ impl Rule for PdoRtr {
         let EventKind::Pdo(pdo) = &event.kind else { return };
         if pdo.is_request {
             return self.asked(event, pdo, context);
-        }
-        if self.open.is_empty() {
-            return;
         }
         let place = context.traffic.current().map(|slot| slot.place);
         let open = place.and_then(|place| self.open.get_mut(place)).and_then(Option::take);

@@ -23,7 +23,7 @@ declare_rule! {
     /// # Mutation
     /// cut the last byte of a PDO
     "pdo-short", Error, "a PDO is shorter than its mapping",
-    kinds: ["pdo"],
+    kinds: ["pdo-mapped"],
     cases: &["5.4"],
     word: "PDO",
 }

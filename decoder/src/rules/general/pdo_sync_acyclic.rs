@@ -46,7 +46,7 @@ impl Rule for PdoSyncAcyclic {
         match &event.kind {
             EventKind::Pdo(pdo) => {
                 let Some(slot) = context.traffic.current() else { return };
-                if self.kind.of(event, pdo, slot.place, context) != Some(0) {
+                if self.kind.of(event, pdo, slot, context) != Some(0) {
                     return;
                 }
                 let count = slot.since_sync;

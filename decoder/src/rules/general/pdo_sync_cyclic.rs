@@ -6,7 +6,7 @@ use crate::event::{Event, EventKind, Pdo};
 use crate::finding::About;
 use crate::frame::CanId;
 use crate::rules::declaration::declare_rule;
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::{BySlot, Context, Rule, Setup};
 use crate::session::Bus;
 use crate::wire::canopen::ObjectAddress;
 
@@ -45,24 +45,21 @@ struct Watch {
 
 pub(super) struct PdoSyncCyclic {
     kind: PdoParameter,
-    watches: Vec<Watch>,
+    watches: BySlot<Watch>,
 }
 
 pub(super) fn new(_setup: &Setup) -> PdoSyncCyclic {
-    PdoSyncCyclic { kind: PdoParameter::new(2), watches: Vec::new() }
+    PdoSyncCyclic { kind: PdoParameter::new(2), watches: BySlot::default() }
 }
 
 impl PdoSyncCyclic {
     #[inline]
     fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &mut Context<'_>) {
         let Some(slot) = context.traffic.current() else { return };
-        let Some(kind @ 1..=240) = self.kind.of(event, pdo, slot.place, context) else { return };
+        let Some(kind @ 1..=240) = self.kind.of(event, pdo, slot, context) else { return };
         let syncs = context.traffic.syncs();
         let generation = self.kind.generation();
-        if self.watches.len() <= slot.place {
-            self.watches.resize(slot.place + 1, Watch::default());
-        }
-        let Some(watch) = self.watches.get_mut(slot.place) else { return };
+        let Some(watch) = self.watches.of(slot) else { return };
         if watch.generation != generation {
             *watch = Watch { generation, from: syncs, count: 0 };
             return;

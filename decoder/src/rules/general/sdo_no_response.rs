@@ -1,21 +1,25 @@
 //! An SDO server does not answer, or takes long.
 
 use super::facts::about;
-use crate::event::{Event, EventKind, Mode, Outcome, SdoTransfer};
+use crate::event::{Certainty, Event, EventKind, Mode, Outcome, SdoTransfer, StateChange};
 use crate::finding::Severity;
 use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::{Context, NodeMap, NodeSet, Rule, Setup};
+use crate::wire::NodeId;
+use crate::wire::canopen::NmtState;
 
 declare_rule! {
     /// # What it checks
     /// An SDO request has no response within the time the recording allows for, or the server takes long to answer
-    /// an expedited transfer. Storing and restoring parameters (1010, 1011) may take longer.
+    /// an expedited transfer. Storing and restoring parameters (1010, 1011) may take longer. A node that says it is
+    /// stopped serves no SDO.
     ///
     /// # Why it matters
     /// The configuration of the node is not what the master believes, and a master that waits is a machine that waits.
     ///
     /// # Source
-    /// CiA 301 §7.2.4 (SDO); it names no time, masters commonly give up after a second.
+    /// CiA 301 §7.2.4 (SDO); it names no time, masters commonly give up after a second. §7.3.2.2.4, table 38 (services by
+    /// NMT state).
     ///
     /// # What to look at first
     /// Whether the node is on the bus at all (heartbeat, boot-up), in state stopped, or without that SDO server.
@@ -23,7 +27,7 @@ declare_rule! {
     /// # Mutation
     /// drop the SDO responses of a node
     "sdo-no-response", Error, "an SDO request has no answer in time",
-    kinds: ["sdo-transfer"],
+    kinds: ["sdo-transfer", "nmt-state"],
     is_timing: true,
     word: "SDO",
     tolerances: &[
@@ -37,14 +41,40 @@ pub(super) struct SdoNoResponse {
     warning: i64,
     error: i64,
     store: i64,
+    /// Nodes that said they are stopped.
+    stopped: NodeSet,
+    /// Frame at which a node left stopped.
+    left: NodeMap<u64>,
 }
 
 pub(super) fn new(setup: &Setup) -> SdoNoResponse {
     let time = |key| setup.nanoseconds(&DECLARATION, key);
-    SdoNoResponse { warning: time("warning-ms"), error: time("error-ms"), store: time("store-ms") }
+    SdoNoResponse {
+        warning: time("warning-ms"),
+        error: time("error-ms"),
+        store: time("store-ms"),
+        stopped: NodeSet::default(),
+        left: NodeMap::default(),
+    }
 }
 
 impl SdoNoResponse {
+    fn state(&mut self, event: &Event, node: NodeId, change: &StateChange) {
+        if change.to == NmtState::Stopped && change.certainty == Certainty::Confirmed {
+            self.stopped.insert(node);
+        } else if change.to != NmtState::Stopped && self.stopped.remove(node) {
+            self.left.insert(node, event.frames.last);
+        }
+    }
+
+    /// Whether a node was stopped when it was asked, or is since.
+    fn serves_none(&self, event: &Event) -> bool {
+        event.node.is_some_and(|node| {
+            let has_left = self.left.get(node).is_some_and(|left| *left > event.frames.last);
+            has_left || self.stopped.contains(node)
+        })
+    }
+
     fn slow(&self, event: &Event, transfer: &SdoTransfer, context: &mut Context<'_>) {
         let is_store = transfer.object.is_some_and(|object| matches!(object.index, 0x1010 | 0x1011));
         let (warning, error) = if is_store { (self.store, self.store) } else { (self.warning, self.error) };
@@ -64,8 +94,13 @@ impl SdoNoResponse {
 
 impl Rule for SdoNoResponse {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
-        let EventKind::SdoTransfer(transfer) = &event.kind else { return };
+        let transfer = match (&event.kind, event.node) {
+            (EventKind::SdoTransfer(transfer), _) => transfer,
+            (EventKind::NmtState(change), Some(node)) => return self.state(event, node, change),
+            _ => return,
+        };
         match transfer.outcome {
+            Outcome::Timeout if self.serves_none(event) => {}
             Outcome::Timeout => {
                 let of =
                     transfer.object.map_or_else(String::new, |object| format!(" to the request of {object}"));

@@ -1,7 +1,6 @@
 //! A node sends before it says that it started.
 
 use crate::event::{Event, EventKind, FrameRange};
-use crate::profile::PdoDirection;
 use crate::profile::device::Boot;
 use crate::rules::declaration::{declare_rule, tolerance};
 use crate::rules::{Context, NodeMap, NodeSet, Rule, Setup};
@@ -96,9 +95,7 @@ impl Rule for TrafficBeforeBoot {
         };
         match &event.kind {
             EventKind::Pdo(_) | EventKind::Heartbeat { .. } if !self.starting.contains(node) => {}
-            EventKind::Pdo(pdo) if pdo.name.direction == PdoDirection::Transmit && !pdo.is_request => {
-                self.sent(event, node, "TPDO", context);
-            }
+            EventKind::Pdo(_) => self.sent(event, node, "TPDO", context),
             EventKind::NmtCommand { to: Some(NmtState::Initialising), .. } => {
                 self.reset(event, node, context);
             }

@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use crate::event::{Direction, Event, EventKind, Outcome, Pdo, SdoTransfer};
 use crate::finding::About;
-use crate::profile::{Layout, Meaning, SignalId, Value};
+use crate::profile::{Cut, Field, Layout, Meaning, SignalId, Value};
 use crate::rules::declaration::declare_rule;
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::{BySlot, Context, Rule, Setup};
 use crate::session::Node;
 
 declare_rule! {
@@ -27,7 +27,7 @@ declare_rule! {
     /// # Mutation
     /// set the first set point of an RPDO to its largest raw number
     "value-out-of-range", Warning, "a value lies outside what the manual permits",
-    kinds: ["pdo-changed", "sdo-transfer"],
+    kinds: ["pdo-mapped-changed", "sdo-transfer"],
     word: "RANGE",
 }
 
@@ -35,13 +35,20 @@ declare_rule! {
 #[derive(Default)]
 struct Checked {
     layout: Option<Arc<Layout>>,
-    fields: Vec<usize>,
+    fields: Vec<Range>,
+}
+
+/// A field with a range.
+struct Range {
+    /// Its place in the layout.
+    field: usize,
+    /// Where its number lies, and between which numbers nothing is wrong.
+    inside: Option<(Cut, [i64; 2])>,
 }
 
 #[derive(Default)]
 pub(super) struct ValueOutOfRange {
-    /// By place in [`crate::rules::Traffic`].
-    checked: Vec<Checked>,
+    checked: BySlot<Checked>,
 }
 
 pub(super) fn new(_setup: &Setup) -> ValueOutOfRange {
@@ -51,11 +58,7 @@ pub(super) fn new(_setup: &Setup) -> ValueOutOfRange {
 impl ValueOutOfRange {
     fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &mut Context<'_>) {
         let (Some(layout), Some(slot)) = (&pdo.layout, context.traffic.current()) else { return };
-        let place = slot.place;
-        if self.checked.len() <= place {
-            self.checked.resize_with(place + 1, Checked::default);
-        }
-        let Some(checked) = self.checked.get_mut(place) else { return };
+        let Some(checked) = self.checked.of(slot) else { return };
         if checked.layout.as_ref().is_none_or(|known| !Arc::ptr_eq(known, layout)) {
             checked.learn(layout, context.node(event));
         }
@@ -64,8 +67,12 @@ impl ValueOutOfRange {
         }
         let payload = pdo.payload();
         let mut is_right = true;
-        for place in &checked.fields {
-            let Some(field) = layout.fields.get(*place) else { continue };
+        let word = pdo.word();
+        for range in &checked.fields {
+            if range.has(word, payload.len()) {
+                continue;
+            }
+            let Some(field) = layout.fields.get(range.field) else { continue };
             let (Some(meaning), Some(raw)) = (&field.meaning, field.extract(payload)) else { continue };
             let value = field.value(raw);
             if meaning.is_outside(&value) {
@@ -79,6 +86,21 @@ impl ValueOutOfRange {
     }
 }
 
+impl Range {
+    fn new(place: usize, field: &Field) -> Self {
+        let inside = field.meaning.as_deref().and_then(Meaning::inside);
+        Self { field: place, inside: Cut::of(field).zip(inside) }
+    }
+
+    /// Whether the number in a payload surely is inside.
+    #[inline]
+    fn has(&self, word: u64, length: usize) -> bool {
+        self.inside.is_some_and(|(cut, [least, most])| {
+            cut.number(word, length).is_some_and(|number| (least..=most).contains(&number))
+        })
+    }
+}
+
 impl Checked {
     #[cold]
     fn learn(&mut self, layout: &Arc<Layout>, node: Option<&Node>) {
@@ -87,7 +109,7 @@ impl Checked {
                 && matches!(field.id, SignalId::Object(_))
                 && field.meaning.as_deref().is_some_and(|meaning| is_sure(meaning, node))
         });
-        self.fields = fields.map(|(place, _)| place).collect();
+        self.fields = fields.map(|(place, field)| Range::new(place, field)).collect();
         self.layout = Some(Arc::clone(layout));
     }
 }
@@ -141,7 +163,7 @@ impl Rule for ValueOutOfRange {
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {
-            EventKind::Pdo(pdo) if !event.routine && !pdo.is_request => self.pdo(event, pdo, context),
+            EventKind::Pdo(pdo) => self.pdo(event, pdo, context),
             EventKind::SdoTransfer(transfer) => written(event, transfer, context),
             _ => {}
         }

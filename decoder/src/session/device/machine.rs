@@ -14,6 +14,9 @@ use crate::wire::canopen::nmt::NmtService;
 /// A command or error this long ago still explains a state, in nanoseconds.
 const WINDOW: i64 = 1_000_000_000;
 
+/// A reset bit that is 1 for so long in a fault is held, in nanoseconds.
+const HELD: i64 = 300_000_000;
+
 /// Steps remembered on the way to a commanded state.
 const STEPS: usize = 8;
 
@@ -28,8 +31,12 @@ pub(in crate::session) struct MachineState {
     frame: u64,
     /// Slot of the RPDO that carries its control word.
     slot: Option<usize>,
+    /// Monotonic time of that change.
+    since: i64,
     /// Control word as sent last.
     control: Option<u64>,
+    /// Monotonic time since which it is that.
+    control_since: i64,
     /// Bits of it that went from 0 to 1 since the last change of state.
     rising: u64,
     /// The way to the commanded state.
@@ -73,6 +80,7 @@ impl Bus {
 
     /// A control word changed.
     pub(super) fn control_changed(&mut self, changed: &Changed<'_>) {
+        let now = self.clock.now();
         for (place, machine) in changed.device.machines.iter().enumerate() {
             if machine.control.object.object != changed.object {
                 continue;
@@ -80,6 +88,7 @@ impl Bus {
             let Some(state) = self.machine_mut(changed.id, place) else { continue };
             state.rising |= changed.raw & !state.control.unwrap_or(0);
             state.control = Some(changed.raw);
+            state.control_since = now;
         }
     }
 
@@ -134,7 +143,7 @@ impl Bus {
         };
         if let Some(known) = self.machine_mut(changed.id, place) {
             known.state = number;
-            known.frame = frame.number;
+            (known.frame, known.since) = (frame.number, now);
             known.rising = 0;
         }
         self.emit(frame, changed.id, false, EventKind::DeviceState(Box::new(event)), out);
@@ -195,7 +204,7 @@ impl Bus {
 
 impl Node {
     /// The state a machine reports.
-    pub(super) fn reported_state(&self, place: usize) -> Option<&State> {
+    pub fn reported_state(&self, place: usize) -> Option<&State> {
         let known = self.behaviour.machines.get(place).filter(|known| !known.is_old)?;
         let state = known.state?;
         self.device.machines.get(place)?.states.get(usize::from(state))
@@ -216,6 +225,36 @@ impl Node {
     /// The control word of a machine as sent last on the bus; `None` if none was seen.
     pub fn control_word(&self, machine: usize) -> Option<u64> {
         self.behaviour.machines.get(machine)?.control
+    }
+
+    /// Where the control word sent last leads from the reported state, as far as no bit must go from 0 to 1 for it.
+    pub fn commanded_state(&self, place: usize) -> Option<&State> {
+        let control = self.control_word(place)?;
+        let machine = self.device.machines.get(place)?;
+        let mut state = self.reported_state(place)?;
+        // Bounded, for the transitions of a file may lead in a circle.
+        for _ in 0..machine.states.len() {
+            let mut out = machine.transitions.iter().filter(|it| it.from.0.contains(&state.name));
+            let Some(next) = out.find(|it| it.edge == 0 && fits(it, control, 0)) else { break };
+            state = machine.states.iter().find(|state| state.name == next.to)?;
+        }
+        Some(state)
+    }
+
+    /// Whether a fault is not left because a bit that must go from 0 to 1 is held at 1.
+    pub fn is_reset_held(&self, place: usize, now: i64) -> bool {
+        let known = self.behaviour.machines.get(place);
+        let Some((known, machine)) = known.zip(self.device.machines.get(place)) else { return false };
+        let (Some(control), Some(state)) = (known.control, self.reported_state(place)) else { return false };
+        let mut out = machine.transitions.iter().filter(|it| it.from.0.contains(&state.name));
+        let rests = now.saturating_sub(known.since.max(known.control_since));
+        state.fault && rests >= HELD && out.any(|it| it.edge != 0 && control & it.edge == it.edge)
+    }
+
+    /// What the control word must do to leave the fault a machine reports, where the profile says it in words.
+    pub fn way_out(&self, place: usize) -> Option<String> {
+        let state = self.reported_state(place).filter(|state| state.fault)?;
+        leave(self.device.machines.get(place)?, &state.name)
     }
 
     /// State names of all machines: channel, state, whether it is a fault, whether set points act in it.

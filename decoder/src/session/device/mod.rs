@@ -12,6 +12,7 @@ mod plan;
 mod procedure;
 mod restart;
 mod set_point;
+mod standing;
 mod values;
 
 pub(super) use assign::given_devices;
@@ -21,3 +22,4 @@ pub use gates::{GateState, GateStatus};
 pub(super) use plan::{Plan, Planned, Recent};
 pub(super) use procedure::Announcement;
 pub(super) use restart::Restart;
+pub use standing::{Sign, StandingPoint, Watch};

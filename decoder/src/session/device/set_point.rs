@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::behaviour::Moment;
 use super::gates::{SYNC_AGE, Subject};
 use super::plan::Plan;
+use super::standing::StandingPoint;
 use crate::event::{Effective, EventKind, FrameRange, Quantity, SetPoint};
 use crate::frame::Frame;
 use crate::profile::device::PdoEffect;
@@ -49,6 +50,19 @@ impl SetPointState {
 
     pub(super) fn title(&self) -> &str {
         &self.meaning.name
+    }
+
+    /// As it was told last.
+    pub(super) fn standing(&self) -> Option<StandingPoint<'_>> {
+        let (_, quantity) = self.told.as_ref()?;
+        Some(StandingPoint {
+            meaning: &self.meaning,
+            carrier: &self.carrier,
+            quantity,
+            is_assumed: self.assumed || self.meaning.assumed,
+            effective: self.effective.unwrap_or(Effective::Unknown),
+            gates: &self.gates,
+        })
     }
 }
 
@@ -237,7 +251,7 @@ impl SetPointState {
     fn quantity(&self, value: &Value) -> Quantity {
         Quantity {
             number: self.meaning.scaled(value).or_else(|| plain(&self.meaning, value)),
-            text: signed(&self.meaning, value),
+            text: self.meaning.signed(value),
         }
     }
 
@@ -257,18 +271,6 @@ impl SetPointState {
             sync_after: None,
         }
     }
-}
-
-/// The value as people write it, with its sign where it can have either.
-fn signed(meaning: &Meaning, value: &Value) -> String {
-    let text = meaning.show(value);
-    let shows = 0.5 / 10_f64.powi(i32::from(meaning.decimals));
-    let is_positive = meaning.scaled(value).is_some_and(|quantity| quantity >= shows);
-    let both_ways = meaning.range.is_some_and(|[least, _]| least < 0)
-        || meaning.limits.is_some_and(|[least, _]| least < 0.0);
-    let sign = if is_positive && both_ways { "+" } else { "" };
-    let outside = if meaning.is_outside(value) { " (outside)" } else { "" };
-    format!("{sign}{text}{outside}")
 }
 
 /// A number without scale is its own quantity, unless it has a name.

@@ -54,6 +54,16 @@ impl Cadence {
         (self.node, self.limit)
     }
 
+    /// Its name in the profile.
+    pub(in crate::session) fn name(&self) -> &Arc<str> {
+        &self.name
+    }
+
+    /// Monotonic time of the last one.
+    pub(in crate::session) fn last(&self) -> Option<i64> {
+        (self.last_frame != 0).then_some(self.last)
+    }
+
     /// All traffic stopped for so long: the time does not count.
     pub(in crate::session) fn postpone(&mut self, delay: i64) {
         if !self.is_overdue {

@@ -72,7 +72,7 @@ fn tolerances(rule: &Listed) -> Table {
 }
 
 /// Headings with their text, each in one paragraph.
-pub(super) fn sections(explanation: &str) -> Vec<(&str, String)> {
+pub(crate) fn sections(explanation: &str) -> Vec<(&str, String)> {
     let mut all: Vec<(&str, String)> = Vec::new();
     for line in explanation.lines() {
         match (line.strip_prefix("# "), all.last_mut()) {

@@ -75,6 +75,32 @@ pub fn render(plot: &Plot<'_>, area: Rect, buf: &mut Buffer) {
     }
 }
 
+/// The same as text, whatever room it takes.
+pub fn text(plot: &Plot<'_>) -> String {
+    let names = plot.series.iter().map(|series| draw::width(&series.name)).max().unwrap_or(0);
+    let columns = columns(plot);
+    let mut text = String::new();
+    let line = |name: &str, cells: Vec<&str>, unit: &str| {
+        let mut line = format!("{name}{}", blank(names.saturating_sub(draw::width(name))));
+        for (cell, column) in cells.iter().zip(&columns) {
+            line.push_str(&blank(column.width().saturating_sub(draw::width(cell)).saturating_add(2)));
+            line.push_str(cell);
+        }
+        format!("{line} {unit}").trim_end().to_owned()
+    };
+    text.push_str(&line("", columns.iter().map(|column| column.head.as_str()).collect(), ""));
+    for (index, series) in plot.series.iter().enumerate() {
+        let cells = columns.iter().map(|column| column.cells.get(index).map_or("", String::as_str)).collect();
+        text.push('\n');
+        text.push_str(&line(&series.name, cells, &series.unit));
+    }
+    text
+}
+
+fn blank(width: u16) -> String {
+    " ".repeat(usize::from(width))
+}
+
 /// A piece of the line of a series.
 fn sample(plot: &Plot<'_>, series: usize) -> String {
     match plot.theme.borders() {

@@ -116,7 +116,7 @@ impl Window {
 
     /// The first time of a column.
     fn time(&self, column: u32, columns: u32) -> i64 {
-        let after = u128::from(column) * u128::from(self.span()) / u128::from(columns.max(1));
+        let after = (u128::from(column) * u128::from(self.span())).div_ceil(u128::from(columns.max(1)));
         u64::try_from(after)
             .ok()
             .and_then(|after| self.from.checked_add_unsigned(after))
@@ -208,6 +208,25 @@ impl<'a> Plot<'a> {
         let plot = Places::new(self, area).plot;
         let column = x.checked_sub(plot.x).filter(|column| *column < plot.width)?;
         Some(self.window.time(u32::from(column), u32::from(plot.width)))
+    }
+
+    /// The last time of the column that is so many columns behind that of a time, inside the plot or not.
+    pub fn beside(&self, area: Rect, time: i64, columns: i64) -> i64 {
+        let width = u32::from(Places::new(self, area).plot.width.max(1));
+        let wanted = self.window.column(time, width).saturating_add(columns);
+        match u32::try_from(wanted) {
+            Ok(column) if column + 1 < width => self.window.time(column + 1, width).saturating_sub(1),
+            Ok(column) if column < width => self.window.to,
+            _ => {
+                let one = i64::try_from(self.window.span() / u64::from(width)).unwrap_or(i64::MAX).max(1);
+                time.saturating_add(one.saturating_mul(columns))
+            }
+        }
+    }
+
+    /// The legend as text, a line a series below one with the titles.
+    pub fn legend(&self) -> String {
+        legend::text(self)
     }
 
     /// How many columns of dots the plot has: finer pieces of time than these are not seen.

@@ -188,3 +188,51 @@ fn every_small_size_and_strange_value() {
         }
     }
 }
+
+#[test]
+fn columns_are_counted_from_a_time() {
+    let set = values(&[(0, 10.0), (50, 20.0)]);
+    let series = [series("set point", "", 0, &set)];
+    let (from, to) = ends(0, 100);
+    let theme = plain(Borders::Ascii);
+    let plot = Plot::new(&theme, &series, from, to);
+    // Two columns of labels and the axis leave 50: of 2 ms each.
+    let area = Rect::new(0, 0, 53, 6);
+    assert_eq!(plot.beside(area, 9 * MILLISECOND, 0), 10 * MILLISECOND - 1);
+    assert_eq!(plot.beside(area, 9 * MILLISECOND, 1), 12 * MILLISECOND - 1);
+    assert_eq!(plot.beside(area, 9 * MILLISECOND, -1), 8 * MILLISECOND - 1);
+    assert_eq!(plot.beside(area, to, 0), to);
+    assert_eq!(plot.beside(area, to, 1), to + 2 * MILLISECOND);
+    assert_eq!(plot.beside(area, from, -1), from - 2 * MILLISECOND);
+}
+
+#[test]
+fn a_column_is_found_again_by_its_times() {
+    let set = values(&[(0, 10.0), (50, 20.0)]);
+    let series = [series("set point", "", 0, &set)];
+    let theme = plain(Borders::Ascii);
+    // 1,000 ns do not divide into 47 columns.
+    let plot = Plot::new(&theme, &series, 5, 1_004);
+    let area = Rect::new(0, 0, 47, 4);
+    for x in 0..47 {
+        let first = plot.time_at(area, x).unwrap();
+        let last = plot.beside(area, first, 0);
+        let column = |time| plot.window.column(time, 47);
+        assert_eq!((column(first), column(last)), (i64::from(x), i64::from(x)));
+        assert!(x == 0 || column(first - 1) == i64::from(x) - 1);
+    }
+}
+
+#[test]
+fn the_legend_can_be_had_as_text() {
+    let pressure = values(&[(0, 124.0), (500, 130.0)]);
+    let set = values(&[(200, 0.0), (1200, 50.0)]);
+    let series = [series("pressure", "bar", 0, &pressure), series("set", "%", 1, &set)];
+    let (from, to) = ends(0, 2000);
+    let theme = plain(Borders::Unicode);
+    let plot = Plot::new(&theme, &series, from, to).cursors(Some(700 * MILLISECOND), None);
+    assert_eq!(
+        plot.legend(),
+        "          A 0.70 s  min  max\npressure       130  124  130 bar\nset              0    0   50 %"
+    );
+}

@@ -194,6 +194,14 @@ impl<'a> Table<'a> {
         usize::from(body(area).height)
     }
 
+    /// How wide a column is drawn where the table has so many columns of the screen; 0 where it has no room.
+    pub fn width_of(columns: &[Column], index: usize, width: u16) -> u16 {
+        columns::place(columns, width)
+            .iter()
+            .find(|placed| placed.index == index)
+            .map_or(0, |placed| placed.width)
+    }
+
     /// Draws the table.
     pub fn render(mut self, area: Rect, buf: &mut Buffer) {
         let area = area.intersection(buf.area);

@@ -1,0 +1,156 @@
+//! Writes pcapng: an interface a bus with its name, stamps of nanoseconds, packets as SocketCAN has them.
+//!
+//! ```text
+//! section header │ interface description (first frame of a bus) │ enhanced packet │ enhanced packet │ …
+//!
+//! packet, link type 227:  0 identifier and flags (big-endian)  4 length  5 FD flags  6 0  7 raw DLC  8 data
+//! ```
+//! Section 4 of draft-ietf-opsawg-pcapng; link type by tcpdump.org, CAN_SOCKETCAN.
+
+use std::io::{self, Write};
+
+use super::super::writer::FrameWriter;
+use crate::frame::{CanId, Frame, FrameFlags};
+
+const SECTION_HEADER: u32 = 0x0A0D_0D0A;
+const INTERFACE: u32 = 1;
+const PACKET: u32 = 6;
+const BYTE_ORDER: u32 = 0x1A2B_3C4D;
+const CAN_SOCKETCAN: u16 = 227;
+
+/// Options: name of an interface, resolution of its stamps (10^-n), flags of a packet, end.
+const NAME: u16 = 2;
+const RESOLUTION: u16 = 9;
+const PACKET_FLAGS: u16 = 2;
+const END: u16 = 0;
+
+/// Flags of a packet: to this host, from it.
+const INBOUND: u32 = 1;
+const OUTBOUND: u32 = 2;
+
+/// Bits of an identifier (SocketCAN): 29 bits, remote frame, error frame.
+const EXTENDED_FLAG: u32 = 0x8000_0000;
+const REMOTE_FLAG: u32 = 0x4000_0000;
+const ERROR_FLAG: u32 = 0x2000_0000;
+
+/// FD flags: bit rate switched, sender error passive, an FD frame.
+const SWITCHED: u8 = 1;
+const PASSIVE: u8 = 2;
+const FD: u8 = 4;
+
+/// Writer of pcapng. It has no packets without time: those of frames without one are stamped 0.
+pub(super) struct PcapngWriter<W> {
+    output: W,
+    buses: Vec<String>,
+    has_begun: bool,
+}
+
+impl<W: Write> PcapngWriter<W> {
+    pub(super) fn new(output: W) -> Self {
+        Self { output, buses: Vec::new(), has_begun: false }
+    }
+
+    fn block(&mut self, kind: u32, body: &[u8]) -> io::Result<()> {
+        let length = u32::try_from(body.len() + 12).unwrap_or(u32::MAX);
+        self.output.write_all(&kind.to_le_bytes())?;
+        self.output.write_all(&length.to_le_bytes())?;
+        self.output.write_all(body)?;
+        self.output.write_all(&length.to_le_bytes())
+    }
+
+    fn begin(&mut self) -> io::Result<()> {
+        if self.has_begun {
+            return Ok(());
+        }
+        self.has_begun = true;
+        let mut body = BYTE_ORDER.to_le_bytes().to_vec();
+        body.extend_from_slice(&[1, 0, 0, 0]);
+        // The length of the section is not known.
+        body.extend_from_slice(&u64::MAX.to_le_bytes());
+        self.block(SECTION_HEADER, &body)
+    }
+
+    fn interface(&mut self, bus: &str) -> io::Result<u32> {
+        let known = self.buses.iter().position(|name| name == bus);
+        let index = known.unwrap_or(self.buses.len());
+        if known.is_none() {
+            self.buses.push(bus.to_owned());
+            let mut body = CAN_SOCKETCAN.to_le_bytes().to_vec();
+            body.extend_from_slice(&[0; 6]);
+            option(&mut body, NAME, bus.as_bytes());
+            option(&mut body, RESOLUTION, &[9]);
+            option(&mut body, END, &[]);
+            self.block(INTERFACE, &body)?;
+        }
+        Ok(u32::try_from(index).unwrap_or(u32::MAX))
+    }
+}
+
+/// Appends an option, padded to four bytes.
+fn option(body: &mut Vec<u8>, code: u16, value: &[u8]) {
+    body.extend_from_slice(&code.to_le_bytes());
+    body.extend_from_slice(&u16::try_from(value.len()).unwrap_or(u16::MAX).to_le_bytes());
+    body.extend_from_slice(value);
+    pad(body);
+}
+
+fn pad(body: &mut Vec<u8>) {
+    while !body.len().is_multiple_of(4) {
+        body.push(0);
+    }
+}
+
+/// A frame in SocketCAN's layout.
+fn packet(frame: &Frame) -> Vec<u8> {
+    let flags = frame.flags;
+    let mut id = frame.id.number();
+    if flags.contains(FrameFlags::ERROR) {
+        id |= ERROR_FLAG;
+    } else if matches!(frame.id, CanId::Extended(_)) {
+        id |= EXTENDED_FLAG;
+    }
+    if flags.contains(FrameFlags::REMOTE) {
+        id |= REMOTE_FLAG;
+    }
+    let is_fd = flags.contains(FrameFlags::FD);
+    let fd =
+        [(FrameFlags::FD, FD), (FrameFlags::BIT_RATE_SWITCH, SWITCHED), (FrameFlags::ERROR_STATE, PASSIVE)];
+    let fd = fd.iter().filter(|(flag, _)| is_fd && flags.contains(*flag)).fold(0, |all, (_, bit)| all | bit);
+    let raw_dlc = if is_fd { 0 } else { frame.raw_dlc };
+    let mut bytes = id.to_be_bytes().to_vec();
+    bytes.extend_from_slice(&[frame.length, fd, 0, raw_dlc]);
+    bytes.extend_from_slice(frame.data());
+    bytes
+}
+
+impl<W: Write + Send> FrameWriter for PcapngWriter<W> {
+    fn write(&mut self, frame: &Frame, bus: &str) -> io::Result<()> {
+        self.begin()?;
+        let interface = self.interface(bus)?;
+        let stamp = frame.time.map_or(0, |time| u64::try_from(time.0).unwrap_or(0));
+        let (high, low) = ((stamp >> 32) as u32, (stamp & u64::from(u32::MAX)) as u32);
+        let packet = packet(frame);
+        let length = u32::try_from(packet.len()).unwrap_or(u32::MAX);
+        let mut body = Vec::with_capacity(128);
+        for number in [interface, high, low, length, length] {
+            body.extend_from_slice(&number.to_le_bytes());
+        }
+        body.extend_from_slice(&packet);
+        pad(&mut body);
+        let direction = match frame.flags {
+            flags if flags.contains(FrameFlags::TRANSMITTED) => Some(OUTBOUND),
+            flags if flags.contains(FrameFlags::RECEIVED) => Some(INBOUND),
+            _ => None,
+        };
+        if let Some(direction) = direction {
+            option(&mut body, PACKET_FLAGS, &direction.to_le_bytes());
+            option(&mut body, END, &[]);
+        }
+        self.block(PACKET, &body)
+    }
+
+    fn finish(&mut self) -> io::Result<()> {
+        self.begin()?;
+        self.output.flush()
+    }
+}

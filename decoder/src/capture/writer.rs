@@ -1,0 +1,118 @@
+//! Frames to bytes of a capture.
+
+use std::io::{self, Write};
+
+use crate::frame::Frame;
+
+/// Writes frames in one format. What it wrote is a readable capture after each frame that was flushed.
+pub trait FrameWriter: Send {
+    /// Writes a frame of the bus of this name.
+    ///
+    /// # Errors
+    /// When the output fails.
+    fn write(&mut self, frame: &Frame, bus: &str) -> io::Result<()>;
+
+    /// Writes what is still held back.
+    ///
+    /// # Errors
+    /// When the output fails.
+    fn finish(&mut self) -> io::Result<()>;
+}
+
+/// One format that can be written.
+pub struct WritableFormat {
+    /// Short name, as options take it.
+    pub name: &'static str,
+    /// Usual end of a file's name.
+    pub suffix: &'static str,
+    /// What people call it.
+    pub title: &'static str,
+    /// A writer at the start of a capture; the output should be buffered.
+    pub writer: fn(Box<dyn Write + Send>) -> Box<dyn FrameWriter>,
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Arc, Mutex};
+
+    use super::*;
+    use crate::capture::{Batch, ReadOptions, Reader, WRITABLE};
+    use crate::frame::{BusIndex, CanId, FrameFlags, Timestamp};
+
+    #[derive(Clone, Default)]
+    struct Shared(Arc<Mutex<Vec<u8>>>);
+
+    impl Write for Shared {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            self.0.lock().unwrap().write(bytes)
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    /// A frame of each sort, on two buses.
+    fn frames() -> Vec<(Frame, &'static str)> {
+        let standard = Frame::data_frame(CanId::standard(0x185), &[1, 2, 3]);
+        let mut all = vec![
+            (standard, "can0"),
+            (Frame::data_frame(CanId::extended(0x18FE_CA80), &[0xFF; 8]), "can1"),
+            (
+                Frame {
+                    flags: FrameFlags::REMOTE,
+                    length: 1,
+                    ..Frame::data_frame(CanId::standard(0x705), &[])
+                },
+                "can0",
+            ),
+            (
+                Frame {
+                    flags: FrameFlags::FD.with(FrameFlags::BIT_RATE_SWITCH),
+                    ..Frame::data_frame(CanId::extended(5), &[9; 64])
+                },
+                "can0",
+            ),
+            (
+                Frame {
+                    flags: FrameFlags::ERROR,
+                    ..Frame::data_frame(CanId::extended(0x20), &[0, 0, 0, 0, 0, 0, 0, 5])
+                },
+                "can1",
+            ),
+            (Frame { raw_dlc: 15, ..Frame::data_frame(CanId::standard(1), &[7; 8]) }, "can0"),
+            (Frame { flags: FrameFlags::TRANSMITTED, ..standard }, "can0"),
+            (Frame { flags: FrameFlags::RECEIVED, ..standard }, "can0"),
+        ];
+        for (number, (frame, bus)) in (1_u8..).zip(&mut all) {
+            frame.number = number.into();
+            frame.time = Some(Timestamp(1_700_000_000_000_000_000 + i64::from(number) * 1_001));
+            frame.bus = BusIndex(u8::from(*bus == "can1"));
+        }
+        all
+    }
+
+    #[test]
+    fn what_is_written_is_read_again() {
+        for format in WRITABLE {
+            let output = Shared::default();
+            let mut writer = (format.writer)(Box::new(output.clone()));
+            for (frame, bus) in frames() {
+                writer.write(&frame, bus).unwrap();
+            }
+            writer.finish().unwrap();
+            let bytes = output.0.lock().unwrap().clone();
+            let mut reader = Reader::open(&bytes[..], &ReadOptions::default()).unwrap();
+            assert_eq!(reader.format().name, format.name);
+            let mut batch = Batch::new();
+            let mut read = Vec::new();
+            while reader.read(&mut batch).unwrap() {
+                assert!(batch.notices().is_empty(), "{}: {:?}", format.name, batch.notices());
+                read.extend_from_slice(batch.frames());
+            }
+            let written: Vec<Frame> = frames().into_iter().map(|(frame, _)| frame).collect();
+            assert_eq!(read, written, "{}", format.name);
+            assert_eq!(reader.buses().names(), ["can0", "can1"], "{}", format.name);
+        }
+    }
+}

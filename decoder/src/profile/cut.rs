@@ -1,0 +1,82 @@
+//! Integers in the first eight bytes of a payload, taken without looking at the layout again.
+
+use super::data_type::DataType;
+use super::layout::{BitOrder, Field};
+
+/// Where an integer lies in eight bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Cut {
+    /// Bytes the payload needs for it.
+    bytes: usize,
+    /// Bits above it.
+    above: u32,
+    /// Bits that are not its own.
+    others: u32,
+    is_signed: bool,
+}
+
+impl Cut {
+    /// Where a field lies; `None` of one that is no integer of up to 64 bits, or lies elsewhere.
+    pub fn of(field: &Field) -> Option<Self> {
+        let is_number = !matches!(field.data_type, DataType::Real32 | DataType::Real64);
+        let is_signed = field.data_type.is_signed();
+        let end = field.end().filter(|end| *end <= 64 && field.order == BitOrder::LittleEndian)?;
+        // Where the type is narrower than the field, its sign is not the uppermost bit. A number of 64 bits without
+        // sign may be too large for `i64`.
+        let fits = match field.data_type.bits() {
+            Some(width) if is_signed => field.bits <= width,
+            _ => field.bits < 64,
+        };
+        (is_number && fits && field.bits > 0).then(|| Self {
+            bytes: usize::from(end.div_ceil(8)),
+            above: 64 - u32::from(end),
+            others: 64 - u32::from(field.bits),
+            is_signed,
+        })
+    }
+
+    /// The number, from the first eight bytes as one number, least significant byte first, of a payload of some length.
+    #[inline]
+    pub fn number(self, word: u64, length: usize) -> Option<i64> {
+        let top = word << self.above;
+        let number = if self.is_signed {
+            top.cast_signed() >> self.others
+        } else {
+            (top >> self.others).cast_signed()
+        };
+        (length >= self.bytes).then_some(number)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::profile::integer;
+    use crate::wire::canopen::ObjectAddress;
+
+    #[test]
+    fn numbers_are_those_of_the_field() {
+        let payload = [0x81, 0xF2, 0x03, 0x94, 0xA5, 0x76, 0xE7, 0x98];
+        let types = [DataType::Unsigned8, DataType::Integer8, DataType::Unsigned16, DataType::Integer16];
+        for (data_type, bit, bits) in types
+            .into_iter()
+            .flat_map(|of| (0..56_u16).flat_map(move |bit| (1..=16).map(move |bits| (of, bit, bits))))
+        {
+            let field = Field::of_object(ObjectAddress::new(0x2000, 0), bit, bits, data_type);
+            let Some(cut) = Cut::of(&field) else { continue };
+            for length in 0..=8 {
+                let raw = field.extract(&payload[..length]);
+                let number = raw.and_then(|raw| integer(&field.value(raw)));
+                assert_eq!(
+                    cut.number(u64::from_le_bytes(payload), length),
+                    number,
+                    "{data_type:?} {bit} {bits}"
+                );
+            }
+        }
+        let wide = Field::of_object(ObjectAddress::new(0x2000, 0), 0, 64, DataType::Integer64);
+        assert_eq!(Cut::of(&wide).unwrap().number(u64::MAX, 8), Some(-1));
+        let real = Field::of_object(ObjectAddress::new(0x2000, 0), 0, 32, DataType::Real32);
+        assert_eq!(Cut::of(&real), None);
+    }
+}

@@ -1,0 +1,177 @@
+//! The real program in a real pseudo-terminal: what its user sees, and what is left when it ends.
+#![cfg(unix)]
+
+use std::io::{Read as _, Write as _};
+use std::num::NonZero;
+use std::process::{Child, Command, Stdio};
+use std::sync::{Arc, Condvar, Mutex};
+use std::time::Duration;
+
+use pty_process::Size;
+use pty_process::blocking::{Command as PtyCommand, Pty, open};
+use vt100::{MouseProtocolMode, Parser};
+
+use crate::support::workspace;
+
+/// How long something may take on a busy machine before it counts as not happening.
+const LIMIT: Duration = Duration::from_secs(60);
+
+/// What has come from the program.
+#[derive(Default)]
+struct Seen {
+    parser: Parser,
+    has_ended: bool,
+}
+
+type Shared = Arc<(Mutex<Seen>, Condvar)>;
+
+/// A program in a terminal.
+struct Session {
+    pty: Option<Arc<Pty>>,
+    child: Child,
+    seen: Shared,
+}
+
+impl Session {
+    fn start(command: PtyCommand, rows: u16, columns: u16) -> Self {
+        let (pty, pts) = open().unwrap();
+        pty.resize(Size::new(rows, columns)).unwrap();
+        let child = command.env("TERM", "xterm-256color").current_dir(workspace()).spawn(pts).unwrap();
+        let seen: Shared = Arc::default();
+        seen.0.lock().unwrap().parser = Parser::new(size(rows), size(columns), 0);
+        let pty = Arc::new(pty);
+        let (source, sink) = (Arc::clone(&pty), Arc::clone(&seen));
+        std::thread::spawn(move || {
+            let mut piece = [0; 4096];
+            // The end of the program is an error of its terminal.
+            while let Ok(count @ 1..) = (&*source).read(&mut piece) {
+                sink.0.lock().unwrap().parser.process(&piece[..count]);
+                sink.1.notify_all();
+            }
+            sink.0.lock().unwrap().has_ended = true;
+            sink.1.notify_all();
+        });
+        Self { pty: Some(pty), child, seen }
+    }
+
+    fn view(arguments: &[&str]) -> Self {
+        let command = PtyCommand::new(env!("CARGO_BIN_EXE_cobscope")).arg("view").args(arguments);
+        Self::start(command, 24, 80)
+    }
+
+    fn send(&self, keys: &str) {
+        let mut pty = &**self.pty.as_ref().unwrap();
+        pty.write_all(keys.as_bytes()).unwrap();
+    }
+
+    /// Waits until the screen is as wanted.
+    fn wait(&self, what: &str, is_so: impl Fn(&Seen) -> bool) {
+        let seen = self.seen.0.lock().unwrap();
+        let (seen, timeout) = self.seen.1.wait_timeout_while(seen, LIMIT, |seen| !is_so(seen)).unwrap();
+        assert!(!timeout.timed_out(), "no {what} on\n{}", seen.parser.screen().contents());
+    }
+
+    fn wait_text(&self, text: &str) {
+        self.wait(text, |seen| seen.parser.screen().contents().contains(text));
+    }
+
+    /// Waits for the end of the program; the terminal is as it was.
+    fn wait_end(mut self) -> std::process::ExitStatus {
+        self.wait("end", |seen| seen.has_ended);
+        let seen = self.seen.0.lock().unwrap();
+        let screen = seen.parser.screen();
+        assert!(!screen.alternate_screen(), "the screen before is back");
+        assert!(!screen.bracketed_paste() && !screen.hide_cursor());
+        assert_eq!(screen.mouse_protocol_mode(), MouseProtocolMode::None);
+        drop(seen);
+        self.child.wait().unwrap()
+    }
+}
+
+fn size(lines: u16) -> NonZero<u16> {
+    NonZero::new(lines).unwrap()
+}
+
+const PVE: &[&str] = &["--node", "32=danfoss-pve-ci", "fixtures/devices/pve.log"];
+
+#[test]
+fn start_filter_jump_and_quit() {
+    let session = Session::view(PVE);
+    session.wait_text("BOOT");
+    session.send("fkind == emcy\r");
+    session.wait_text("3 shown");
+    session.send(":#104\r");
+    session.wait_text("--at '#104'");
+    session.send("]");
+    session.wait_text("#105/190");
+    session.send("q");
+    assert!(session.wait_end().success());
+}
+
+#[test]
+fn another_size_is_used_at_once() {
+    let session = Session::view(PVE);
+    session.wait_text("BOOT");
+    session.seen.0.lock().unwrap().parser.screen_mut().set_size(size(30), size(120));
+    session.pty.as_ref().unwrap().resize(Size::new(30, 120)).unwrap();
+    // The header's time stands at the right end.
+    session.wait("header over the whole width", |seen| {
+        let header = seen.parser.screen().contents_between(0, 100, 0, 120);
+        header.trim_end().ends_with(" s")
+            && seen.parser.screen().contents_between(29, 0, 29, 20).contains("? help")
+    });
+    session.send("q");
+    assert!(session.wait_end().success());
+}
+
+#[test]
+fn a_program_told_to_end_gives_the_terminal_back() {
+    let session = Session::view(PVE);
+    session.wait_text("BOOT");
+    let id = session.child.id().to_string();
+    assert!(Command::new("kill").args(["-TERM", &id]).status().unwrap().success());
+    session.wait_end();
+}
+
+#[test]
+fn a_terminal_that_is_gone_ends_the_program() {
+    let mut session = Session::view(PVE);
+    session.wait_text("BOOT");
+    let id = session.child.id().to_string();
+    // What sshd does when the connection breaks.
+    assert!(Command::new("kill").args(["-HUP", &id]).status().unwrap().success());
+    session.pty = None;
+    session.child.wait().unwrap();
+}
+
+#[test]
+fn a_capture_from_a_pipe_leaves_the_keys_to_the_terminal() {
+    let program = env!("CARGO_BIN_EXE_cobscope");
+    let script = format!("cat fixtures/devices/pve.log | {program} view --node 32=danfoss-pve-ci -");
+    let session = Session::start(PtyCommand::new("sh").args(["-c", &script]), 24, 80);
+    session.wait_text("BOOT");
+    session.send("G");
+    session.wait_text("#190/190");
+    session.send("q");
+    assert!(session.wait_end().success());
+}
+
+#[test]
+fn without_a_terminal_it_says_what_to_use_instead() {
+    let output = Command::new(env!("CARGO_BIN_EXE_cobscope"))
+        .args(["view", "fixtures/devices/pve.log"])
+        .current_dir(workspace())
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    let text = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(text, "cobscope: standard output is no terminal; for lines use decode\n");
+}
+
+#[test]
+fn a_capture_that_cannot_be_opened_is_told_before_the_screen_is_taken() {
+    let session = Session::view(&["no-such-file.log"]);
+    session.wait_text("no-such-file.log: cannot be opened");
+    assert_eq!(session.wait_end().code(), Some(3));
+}

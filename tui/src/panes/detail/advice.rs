@@ -1,0 +1,55 @@
+//! What the manual says of an error, and what to check.
+//!
+//! ```text
+//! the device's reaction: safe state
+//! check: supply voltage
+//! [14.3.1]
+//! ```
+
+use cobscope_decoder::event::{Event, EventKind};
+use cobscope_decoder::profile::{Device, emcy_codes};
+use cobscope_decoder::session::Node;
+
+use super::document::Item;
+use crate::theme::Role;
+
+/// The manual's words on an error event; nothing of others.
+pub(super) fn items(node: Option<&Node>, event: &Event) -> Vec<Item> {
+    let device = node.map(|node| &**node.device());
+    let mut rows: Vec<(&str, String)> = Vec::new();
+    match &event.kind {
+        EventKind::Emcy(emergency) => {
+            let Some(code) = emergency.code.filter(|code| *code != 0) else { return Vec::new() };
+            emcy(device, code, &mut rows);
+        }
+        EventKind::Dtc(dtc) => {
+            let Some(known) = device.and_then(|device| device.dtc(dtc.spn, dtc.fmi)) else {
+                return Vec::new();
+            };
+            rows.push(("fault", known.text.clone()));
+            rows.push(("severity", known.severity.clone()));
+            rows.push(("the device's reaction", known.reaction.clone()));
+            rows.push(("recovery", known.recovery.clone()));
+            rows.extend(known.causes.iter().map(|cause| ("check", cause.clone())));
+        }
+        EventKind::DeviceState(state) => {
+            rows.push(("way out", state.leave.clone().unwrap_or_default()));
+        }
+        _ => {}
+    }
+    let told = rows.iter().filter(|(_, text)| !text.is_empty());
+    told.map(|(key, text)| Item::new(&format!("{key}: {text}"), Role::Text)).collect()
+}
+
+fn emcy(device: Option<&Device>, code: u16, rows: &mut Vec<(&str, String)>) {
+    let standard = emcy_codes().find(u32::from(code)).map(|known| format!("{}. {}", known.text, known.hint));
+    if let Some((device, known)) = device.and_then(|device| Some((device, device.error(code)?))) {
+        rows.push(("the device's reaction", known.reaction.clone().unwrap_or_default()));
+        rows.extend(known.causes.iter().map(|cause| ("check", cause.clone())));
+        rows.push(("note", known.note.clone()));
+        let section = [device.source.as_str(), known.source.as_str()];
+        let section: Vec<_> = section.into_iter().filter(|part| !part.is_empty()).collect();
+        rows.push(("manual", section.join(", ")));
+    }
+    rows.push(("CiA 301", standard.unwrap_or_default()));
+}

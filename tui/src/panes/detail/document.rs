@@ -1,0 +1,213 @@
+//! What stands in the pane besides the bits: a list of items the cursor goes over.
+//!
+//! ```text
+//!   error emcy-raised: …                 findings, their causes, the rule's words
+//! Fields
+//! ▶ a error code   8305h spool …         fields: the chosen one lights its bits
+//! Related
+//!   {70} 4.050 s TPDO1 …                 links
+//! Filter by
+//!   code = 0x8305                        everything, as filters call it
+//! ```
+
+use cobscope_decoder::sink::escape;
+use ratatui::text::{Line, Span};
+
+use super::payload::Payload;
+use super::{advice, exchange, judged, keys};
+use crate::app::{Core, Place};
+use crate::theme::{Role, Theme};
+use crate::timeline::Row;
+use crate::widgets::bits;
+
+/// What an item leads to.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Leads {
+    /// Nowhere: it is only read.
+    Nowhere,
+    /// A part of the payload.
+    Part(usize),
+    /// A place in time.
+    Place(Place),
+    /// A frame of the exchange, whose bits it shows.
+    Frame(usize),
+}
+
+/// One thing said.
+#[derive(Debug, Clone)]
+pub(super) struct Item {
+    /// Words before the text, in the look of a heading.
+    label: String,
+    text: String,
+    role: Role,
+    /// Lines below it while the cursor is on it.
+    notes: Vec<String>,
+    /// What Enter does on it.
+    pub(super) leads: Leads,
+    /// The filter that wants what it says.
+    pub(super) filter: Option<String>,
+    is_heading: bool,
+}
+
+impl Item {
+    /// A line.
+    pub(super) fn new(text: &str, role: Role) -> Self {
+        Self {
+            label: String::new(),
+            text: escape(text).into_owned(),
+            role,
+            notes: Vec::new(),
+            leads: Leads::Nowhere,
+            filter: None,
+            is_heading: false,
+        }
+    }
+
+    /// A line beside the point.
+    pub(super) fn quiet(text: &str) -> Self {
+        Self::new(text, Role::Quiet)
+    }
+
+    /// A heading, which the cursor passes over.
+    pub(super) fn heading(text: &str) -> Self {
+        Self { is_heading: true, ..Self::new(text, Role::Title) }
+    }
+
+    /// A paragraph with its heading before it.
+    pub(super) fn headed(label: &str, text: &str) -> Self {
+        Self { label: escape(label).into_owned(), ..Self::new(text, Role::Text) }
+    }
+
+    /// The same with a place to go to.
+    pub(super) fn leading(self, leads: Leads) -> Self {
+        Self { leads, ..self }
+    }
+
+    /// The same with a frame to go to.
+    pub(super) fn at(self, frame: u64) -> Self {
+        self.leading(Leads::Place(Place::Frame(frame)))
+    }
+
+    fn filtered(self, filter: Option<String>) -> Self {
+        Self { filter, ..self }
+    }
+
+    /// Whether the cursor can be on it.
+    pub(super) fn can_be_selected(&self) -> bool {
+        !self.is_heading
+    }
+
+    /// The text as it is copied.
+    pub(super) fn text(&self) -> String {
+        format!("{}{}", self.label, self.text).trim().to_owned()
+    }
+
+    /// How it is drawn.
+    pub(super) fn lines(&self, theme: &Theme, is_selected: bool) -> Vec<Line<'static>> {
+        let mut style = theme.style(self.role);
+        if is_selected {
+            style = style.patch(theme.selection(true));
+        }
+        let label = Span::styled(self.label.clone(), theme.style(Role::Title));
+        let text = Span::styled(self.text.clone(), style);
+        let first = if self.label.is_empty() { Line::from(text) } else { Line::from(vec![label, text]) };
+        let notes = self.notes.iter().filter(|_| is_selected);
+        let note = |note: &String| Line::styled(format!("    {note}"), theme.style(Role::Quiet));
+        std::iter::once(first).chain(notes.map(note)).collect()
+    }
+}
+
+/// Everything said of the event at the cursor.
+pub(super) fn items(core: &Core, row: Option<&Row>, payload: &Payload) -> Vec<Item> {
+    let mut all = judged::items(core, row);
+    if !payload.bytes.is_empty() {
+        all.push(Item::heading(&format!("Fields ({})", payload.source)));
+        all.extend(parts(payload));
+    }
+    let Some(row) = row else {
+        all.push(Item::quiet("no event of this frame is shown; v shows all events, c clears the filter"));
+        return all;
+    };
+    let bus = core.world().and_then(|world| world.buses().iter().find(|bus| bus.index() == row.event.bus));
+    let Some(bus) = bus.filter(|_| row.spot <= core.cursor) else {
+        let text = "the cursor is before this event; Enter goes to it";
+        all.push(Item::new(text, Role::Link).leading(Leads::Place(Place::Spot(row.spot))));
+        return all;
+    };
+    let node = row.event.node.and_then(|node| bus.node(node));
+    let advice = advice::items(node, &row.event);
+    if !advice.is_empty() {
+        all.push(Item::heading("By the manual"));
+        all.extend(advice);
+    }
+    let exchange = exchange::items(core, node, &row.event);
+    if !exchange.is_empty() {
+        all.push(Item::heading("Exchange"));
+        all.extend(exchange);
+    }
+    let keys = keys::of(&row.event, bus);
+    let related = related(core, row, &keys);
+    if !related.is_empty() {
+        all.push(Item::heading("Related (Enter: go there)"));
+        all.extend(related);
+    }
+    all.push(Item::heading("All it says (=: filter by it)"));
+    for key in keys {
+        let item = Item::new(&format!("{} = {}", key.name, key.value), Role::Text).filtered(key.filter);
+        all.push(match key.frame {
+            Some(frame) => item.at(frame),
+            None => item,
+        });
+    }
+    all
+}
+
+fn parts(payload: &Payload) -> Vec<Item> {
+    let width = payload.parts.iter().map(|part| part.name.chars().count()).max().unwrap_or(0).min(MOST_NAME);
+    let item = |(number, part): (usize, &super::payload::Part)| {
+        let assumed = if part.is_assumed { "?" } else { "" };
+        let text = format!("{} {:<width$}  {}{assumed}", bits::letter(number), part.name, part.value);
+        let mut item = Item::new(&text, Role::Text).leading(Leads::Part(number));
+        item.notes = part.notes.iter().map(|note| escape(note).into_owned()).collect();
+        item
+    };
+    payload.parts.iter().enumerate().map(item).collect()
+}
+
+/// Columns the names of fields are brought to.
+const MOST_NAME: usize = 36;
+
+/// Frames it names, and its neighbours of the same node and kind.
+fn related(core: &Core, row: &Row, keys: &[keys::Key]) -> Vec<Item> {
+    let mut all = Vec::new();
+    for key in keys {
+        if let Some(frame) = key.frame
+            && ![row.event.frames.first, row.event.frames.last].contains(&frame)
+        {
+            let text = match core.rows().iter().find(|other| other.spot.frame == frame) {
+                Some(other) => format!("{} {{{frame}}} {}", key.name, told(core, other)),
+                None => format!("{} {{{frame}}}", key.name),
+            };
+            all.push(Item::new(&text, Role::Link).at(frame));
+        }
+    }
+    let kind = std::mem::discriminant(&row.event.kind);
+    let is_like = |other: &&Row| {
+        (other.event.bus, other.event.node) == (row.event.bus, row.event.node)
+            && std::mem::discriminant(&other.event.kind) == kind
+    };
+    let before = core.rows().iter().rev().filter(|other| other.spot < row.spot).find(is_like);
+    let after = core.rows().iter().filter(|other| other.spot > row.spot).find(is_like);
+    for (word, other) in [("before", before), ("next", after)] {
+        if let Some(other) = other {
+            let text = format!("{word} {{{}}} {}", other.event.frames.last, told(core, other));
+            all.push(Item::new(&text, Role::Link).leading(Leads::Place(Place::Spot(other.spot))));
+        }
+    }
+    all
+}
+
+fn told(core: &Core, row: &Row) -> String {
+    let time = core.seconds(row.event.time).map_or(String::new(), |time| format!("{time:.3} s "));
+    format!("{time}{} {} {}", row.who, row.kind, row.what())
+}

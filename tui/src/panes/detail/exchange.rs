@@ -1,0 +1,257 @@
+//! The transfer an event is: who, how, how long, its frames, its data.
+//!
+//! ```text
+//! upload 1008:00 Manufacturer device name, segmented, client → server: complete
+//! 12 frames {20}..{31}, 5.0 ms, 25 bytes, announced 25
+//!   {20}  0.113 s  →  40 08 10 00 00 00 00 00  initiate upload
+//! ```
+
+use cobscope_decoder::event::{Direction, Event, EventKind, IsoTpTransfer, J1939Transfer, Message};
+use cobscope_decoder::event::{SdoTransfer, UdsExchange};
+use cobscope_decoder::frame::Frame;
+use cobscope_decoder::profile::{Storage, uds};
+use cobscope_decoder::query::record;
+use cobscope_decoder::session::Node;
+
+use super::document::{Item, Leads};
+use super::meaning;
+use super::payload::{abort_text, hex, of_sdo, shown};
+use super::services;
+use crate::app::Core;
+use crate::theme::{Glyph, Role};
+
+/// Bytes of data that are shown.
+const SHOWN_BYTES: usize = 256;
+/// Bytes in a line.
+const BYTES_A_LINE: usize = 16;
+
+/// What is to be told of an exchange; nothing of other events.
+pub(super) fn items(core: &Core, node: Option<&Node>, event: &Event) -> Vec<Item> {
+    let mut items = Vec::new();
+    match &event.kind {
+        EventKind::SdoTransfer(transfer) => sdo(core, node, transfer, &mut items),
+        EventKind::J1939Transfer(transfer) => j1939(transfer, &mut items),
+        EventKind::UdsExchange(exchange) => diagnostic(core, exchange, &mut items),
+        EventKind::IsoTpTransfer(transfer) => iso_tp(transfer, &mut items),
+        _ => return items,
+    }
+    frames(core, event, &mut items);
+    items
+}
+
+/// `12 frames {20}..{31}, 5.0 ms`.
+fn extent(event_frames: u64, duration: Option<i64>, size: u64) -> String {
+    let duration = duration.map_or(String::new(), |duration| format!(", {}", milliseconds(duration)));
+    format!("{event_frames} frames{duration}, {size} bytes")
+}
+
+/// `5.123 ms`.
+fn milliseconds(nanoseconds: i64) -> String {
+    let micros = nanoseconds / 1_000;
+    format!("{}.{:03} ms", micros / 1_000, (micros % 1_000).abs())
+}
+
+fn sdo(core: &Core, node: Option<&Node>, transfer: &SdoTransfer, items: &mut Vec<Item>) {
+    let client = transfer.client.map_or("client".into(), |client| format!("client {client}"));
+    let way = transfer.direction.map_or("direction not seen", record::direction);
+    let how = transfer.mode.map_or(String::new(), |mode| format!(", {}", record::mode(mode)));
+    let head = format!(
+        "{way}{how}, {client} on {}, server on {}: {}",
+        transfer.request,
+        transfer.response,
+        transfer.outcome.name()
+    );
+    items.push(Item::new(&head, Role::Text));
+    let announced = transfer.announced.map_or(String::new(), |announced| format!(", {announced} announced"));
+    let cut = match (transfer.cut_start, transfer.cut_end) {
+        (true, _) => ", its beginning is not in the capture",
+        (_, true) => ", its end is not in the capture",
+        _ => "",
+    };
+    let extent = extent(transfer.frame_count, transfer.duration, transfer.size);
+    items.push(Item::quiet(&format!("{extent}{announced}{cut}")));
+    if let Some(abort) = transfer.abort {
+        let by = if abort.by_client { "client" } else { "server" };
+        let device = node.map(|node| &**node.device());
+        let text = abort_text(device, abort.code, transfer.object);
+        items.push(Item::new(&format!("abort {:08X}h by the {by}: {text}", abort.code), Role::Bad));
+        let hint = cobscope_decoder::profile::abort_codes().find(abort.code).map(|code| &code.hint);
+        items.extend(hint.filter(|hint| !hint.is_empty()).map(|hint| Item::quiet(&format!("  {hint}"))));
+    }
+    if let Some(odd) = transfer.irregularity {
+        let by = if odd.by_client { "client" } else { "server" };
+        let text = format!("against the protocol in {{{}}} by the {by}: {}", odd.frame, odd.what.name());
+        items.push(Item::new(&text, Role::Caution).at(odd.frame));
+    }
+    items.extend(transfer.crc.map(|crc| Item::quiet(&format!("CRC {}", crc.name()))));
+    value(core, node, transfer, items);
+    if transfer.size > 4 {
+        dump(&transfer.data, items);
+    }
+}
+
+/// The value and what becomes of it.
+fn value(core: &Core, node: Option<&Node>, transfer: &SdoTransfer, items: &mut Vec<Item>) {
+    let Some(object) = transfer.object else { return };
+    let meaning = transfer.meaning.as_deref();
+    let name = meaning.map_or(String::new(), |meaning| format!(" {}", meaning.name));
+    if transfer.size > 0 {
+        items.push(Item::new(&format!("{object}{name} = {}", shown(meaning, &transfer.data)), Role::Text));
+    } else if !name.is_empty() {
+        items.push(Item::new(&format!("{object}{name}"), Role::Text));
+    }
+    if let Some(meaning) = meaning.filter(|_| transfer.size > 0) {
+        let mut notes = Vec::new();
+        meaning::of_value(core, node, meaning, &meaning.decode(&transfer.data), &mut notes);
+        items.extend(notes.iter().map(|note| Item::quiet(&format!("  {note}"))));
+    }
+    if let Some(previous) = &transfer.previous {
+        let assumed = if transfer.previous_assumed { ", assumed" } else { "" };
+        items.push(Item::quiet(&format!("  before: {}{assumed}", shown(meaning, previous))));
+    }
+    if transfer.direction != Some(Direction::Download) {
+        return;
+    }
+    let entry = node.and_then(|node| node.device().dictionary.find(object)?.entry);
+    let storage = match entry.map(|entry| entry.storage) {
+        Some(Storage::Volatile) => "  storage: volatile",
+        Some(Storage::EachWrite) => "  storage: each write goes to non-volatile memory, which wears",
+        Some(Storage::Save) => "  storage: kept once it is stored (1010)",
+        Some(Storage::Fixed) => "  storage: never changes",
+        Some(Storage::Unknown) | None => "",
+    };
+    if !storage.is_empty() {
+        items.push(Item::quiet(storage));
+    }
+    items.extend(transfer.effect.map(|effect| Item::quiet(&format!("  acts {}", effect.when()))));
+    items.extend(transfer.persists.map(|stays| Item::quiet(&format!("  survives a restart: {stays}"))));
+}
+
+fn j1939(transfer: &J1939Transfer, items: &mut Vec<Item>) {
+    let mode = transfer.mode.map_or("kind not seen", |mode| mode.name());
+    let group = transfer.pgn.map_or("group not seen".into(), |pgn| format!("group {}", pgn.number()));
+    let name = transfer.name.as_deref().map_or(String::new(), |name| format!(" {name}"));
+    let to = if transfer.destination == 255 { "all".into() } else { transfer.destination.to_string() };
+    let outcome = transfer.outcome.name();
+    let source = transfer.source;
+    items.push(Item::new(&format!("{group}{name}, {mode}, {source} → {to}: {outcome}"), Role::Text));
+    let announced = transfer.announced.map_or(String::new(), |bytes| format!(", {bytes} announced"));
+    let packets = transfer.packets.map_or(String::new(), |packets| format!(", {packets} packets"));
+    let extent = extent(transfer.frame_count, transfer.duration, transfer.size);
+    items.push(Item::quiet(&format!("{extent}{announced}{packets}")));
+    if transfer.missing > 0 || transfer.repeated > 0 {
+        let text = format!("{} packets missing, {} repeated", transfer.missing, transfer.repeated);
+        items.push(Item::new(&text, Role::Caution));
+    }
+    if let Some(abort) = transfer.abort {
+        let by = if abort.by_sender { "sender" } else { "receiver" };
+        let text = cobscope_decoder::profile::transport_aborts().text(u32::from(abort.reason));
+        items.push(Item::new(&format!("abort {} by the {by}: {text}", abort.reason), Role::Bad));
+    }
+    items.extend(transfer.timer.map(|timer| Item::new(&format!("time-out {}", timer.name()), Role::Bad)));
+    dump(&transfer.data, items);
+}
+
+fn iso_tp(transfer: &IsoTpTransfer, items: &mut Vec<Item>) {
+    let text = format!("ISO-TP message on {}: {}", transfer.id, transfer.outcome.name());
+    items.push(Item::new(&text, Role::Text));
+    let extent = extent(transfer.frame_count, transfer.duration, transfer.size);
+    items.push(Item::quiet(&format!("{extent}, {} announced", transfer.announced)));
+    dump(&transfer.data, items);
+}
+
+fn diagnostic(core: &Core, exchange: &UdsExchange, items: &mut Vec<Item>) {
+    let service = uds().service(exchange.service).map_or("unknown service", |service| service.title.as_str());
+    let head = format!("{:02X}h {service}: {}", exchange.service, exchange.outcome.name());
+    items.push(Item::new(&head, Role::Text));
+    if let Some(identifier) = exchange.identifier {
+        let name = exchange.name().map_or(String::new(), |name| format!(" {name}"));
+        let value = match (exchange.decoded(), exchange.meaning.as_deref()) {
+            (Some(value), Some(meaning)) => format!(" = {}", meaning.show(&value)),
+            (Some(value), None) => format!(" = {value}"),
+            (None, _) => String::new(),
+        };
+        items.push(Item::new(&format!("identifier {identifier:04X}h{name}{value}"), Role::Text));
+    }
+    if let (Some(meaning), Some(value)) = (exchange.meaning.as_deref(), exchange.decoded()) {
+        let mut notes = Vec::new();
+        meaning::of_value(core, None, meaning, &value, &mut notes);
+        items.extend(notes.iter().map(|note| Item::quiet(&format!("  {note}"))));
+    }
+    if let Some(code) = exchange.nrc {
+        let known = uds().code(code);
+        let text = known.map_or("unknown code", |known| known.text.as_str());
+        items.push(Item::new(&format!("negative response {code:02X}h: {text}"), Role::Bad));
+        let hint = known.map(|known| &known.hint).filter(|hint| !hint.is_empty());
+        items.extend(hint.map(|hint| Item::quiet(&format!("  {hint}"))));
+    }
+    let times = [("answered after", exchange.latency), ("whole exchange", exchange.duration)];
+    for (what, time) in times {
+        items.extend(time.map(|time| Item::quiet(&format!("{what} {}", milliseconds(time)))));
+    }
+    if exchange.pending > 0 {
+        items.push(Item::quiet(&format!("{} times \"response pending\"", exchange.pending)));
+    }
+    for (what, message) in [("request", &exchange.request), ("response", &exchange.response)] {
+        if let Some(message) = message {
+            said(what, message, items);
+        }
+    }
+}
+
+fn said(what: &str, message: &Message, items: &mut Vec<Item>) {
+    let (first, last) = (message.frames.first, message.frames.last);
+    let frames = if first == last { format!("{{{first}}}") } else { format!("{{{first}}}..{{{last}}}") };
+    let text = format!("{what} {frames} on {}, {} bytes", message.id, message.size);
+    items.push(Item::new(&text, Role::Text).at(first));
+    dump(&message.data, items);
+}
+
+/// Its frames by time, as far as they are at hand; Enter shows one's bits.
+fn frames(core: &Core, event: &Event, items: &mut Vec<Item>) {
+    let frames = core.window.as_ref().map_or(&[][..], |window| &window.frames);
+    if frames.is_empty() {
+        let (first, last) = (event.frames.first, event.frames.last);
+        for (word, frame) in [("first", first), ("last", last)].into_iter().filter(|_| first != last) {
+            items.push(Item::new(&format!("{word} frame {{{frame}}}"), Role::Link).at(frame));
+        }
+        return;
+    }
+    items.push(Item::heading("Frames (Enter: its bits)"));
+    for (place, frame) in frames.iter().enumerate() {
+        items.push(Item::new(&line(core, event, frame, frames), Role::Text).leading(Leads::Frame(place)));
+    }
+}
+
+fn line(core: &Core, event: &Event, frame: &Frame, all: &[Frame]) -> String {
+    let arrow = core.theme.glyph(Glyph::Arrow);
+    let time = core.seconds(frame.time).map_or(String::new(), |time| format!("{time:.6}"));
+    let (is_first_way, step) = match &event.kind {
+        EventKind::SdoTransfer(transfer) => {
+            let service = of_sdo(transfer, all, frame);
+            (frame.id == transfer.request, service.shape(frame.data()).map_or("", |shape| shape.name))
+        }
+        EventKind::J1939Transfer(_) => {
+            let is_data = frame.id.number() >> 16 & 0xFF == 0xEB;
+            let service = if is_data { &services::TP_DT } else { &services::TP_CM };
+            (true, service.shape(frame.data()).map_or("", |shape| shape.name))
+        }
+        _ => (true, services::ISO_TP.shape(frame.data()).map_or("", |shape| shape.name)),
+    };
+    let way = if is_first_way { format!("{arrow} ") } else { "  ".into() };
+    format!("{{{}}} {time} {way}{} {}  {step}", frame.number, frame.id, hex(frame.data()))
+}
+
+/// `0010  05 83 21 …  .É!`.
+fn dump(data: &[u8], items: &mut Vec<Item>) {
+    for (line, bytes) in data.iter().take(SHOWN_BYTES).collect::<Vec<_>>().chunks(BYTES_A_LINE).enumerate() {
+        let bytes: Vec<u8> = bytes.iter().map(|byte| **byte).collect();
+        let is_shown = |byte: u8| byte.is_ascii_graphic() || byte == b' ';
+        let text: String =
+            bytes.iter().map(|byte| if is_shown(*byte) { char::from(*byte) } else { '.' }).collect();
+        items.push(Item::quiet(&format!("  {:04X}  {:<47}  {text}", line * BYTES_A_LINE, hex(&bytes))));
+    }
+    if data.len() > SHOWN_BYTES {
+        items.push(Item::quiet(&format!("  … {} bytes in all", data.len())));
+    }
+}

@@ -1,0 +1,137 @@
+//! What rules say of an event, why they say it, and what causes what.
+//!
+//! ```text
+//! error emcy-raised: EMCY 8305 spool position error
+//!   caused by {70} heartbeat-late: …
+//!   What it checks: …
+//! ```
+
+use cobscope_decoder::finding::{Cause, Findings, Group, Occurrence, RuleInfo};
+use cobscope_decoder::profile::device::Severity;
+use cobscope_decoder::rules::{declarations, manual};
+
+use super::document::{Item, Leads};
+use crate::app::{Core, Place};
+use crate::theme::Role;
+use crate::timeline::{Row, Survey};
+
+/// Causes of causes that are followed.
+const LONGEST_CHAIN: usize = 8;
+
+/// Findings whose evidence is at the cursor.
+pub(super) fn items(core: &Core, row: Option<&Row>) -> Vec<Item> {
+    let frames: Vec<u64> = match row {
+        Some(row) => vec![row.event.frames.first, row.event.frames.last, core.cursor.frame],
+        None => vec![core.cursor.frame],
+    };
+    let survey = core.timeline.survey();
+    let (mut items, mut told) = (Vec::new(), Vec::new());
+    match &survey.findings {
+        Some(findings) => {
+            let here = |occurrence: &Occurrence| {
+                frames.contains(&occurrence.frames.first) || frames.contains(&occurrence.frames.last)
+            };
+            let is_here = |group: &&Group| group.first.iter().chain(&group.last).any(here);
+            for group in findings.groups.iter().filter(is_here) {
+                of_group(core, findings, group, &mut items);
+                // Several findings of one rule need its words once.
+                if !told.contains(&group.key.rule) {
+                    told.push(group.key.rule);
+                    if let Some(rule) = findings.rules.get(usize::from(group.key.rule)) {
+                        explanation(rule, &mut items);
+                    }
+                }
+            }
+        }
+        None => so_far(core, &survey, &frames, &mut items),
+    }
+    items
+}
+
+/// How a severity looks.
+pub(super) fn role(severity: Severity) -> Role {
+    match severity {
+        Severity::Error => Role::Bad,
+        Severity::Warning => Role::Caution,
+        Severity::Note => Role::Note,
+    }
+}
+
+fn of_group(core: &Core, findings: &Findings, group: &Group, items: &mut Vec<Item>) {
+    let head = format!("{} {}: {}", group.severity.name(), group.rule, group.text);
+    items.push(Item::new(&head, role(group.severity)));
+    let mut facts = Vec::new();
+    if group.count > 1 {
+        facts.push(format!("{} times, first {}", group.count, place(core, &group.began())));
+    }
+    if let Some((_, text, worst)) = &group.worst {
+        facts.push(format!("worst {}: {text}", place(core, worst)));
+    }
+    facts.extend(group.downgraded.as_ref().map(|why| format!("less severe than its rule says: {why}")));
+    facts.extend(group.suppressed.as_ref().map(|why| format!("suppressed by the bus file: {why}")));
+    items.extend(facts.iter().map(|fact| Item::quiet(&format!("  {fact}"))));
+    chain(core, findings, group, items);
+}
+
+/// Causes, each with its own, and what this one causes.
+fn chain(core: &Core, findings: &Findings, group: &Group, items: &mut Vec<Item>) {
+    let mut of = group;
+    for _ in 0..LONGEST_CHAIN {
+        match &of.cause {
+            Some(Cause::Group(id)) => {
+                let Some(cause) = findings.group(*id) else { break };
+                items.push(link(core, "caused by", cause));
+                of = cause;
+            }
+            Some(Cause::Quality(text)) => {
+                items.push(Item::quiet(&format!("  explained by {text}")));
+                break;
+            }
+            None => break,
+        }
+    }
+    items.extend(findings.effects(group.id).take(LONGEST_CHAIN).map(|effect| link(core, "causes", effect)));
+}
+
+fn link(core: &Core, word: &str, group: &Group) -> Item {
+    let began = group.began();
+    let text = format!("  {word} {} {}: {}", place(core, &began), group.rule, group.text);
+    Item::new(&text, Role::Link).leading(Leads::Place(Place::Frame(began.frames.last)))
+}
+
+fn place(core: &Core, occurrence: &Occurrence) -> String {
+    let time = core.seconds(occurrence.time).map_or(String::new(), |time| format!(" {time:.3} s"));
+    format!("{{{}}}{time}", occurrence.frames.last)
+}
+
+/// Before the capture is judged to its end: findings as they opened.
+fn so_far(core: &Core, survey: &Survey, frames: &[u64], items: &mut Vec<Item>) {
+    for opened in survey.news.iter().filter(|opened| frames.contains(&opened.spot.frame)) {
+        let news = &opened.news;
+        let head = format!("{} {}: {}", news.severity.name(), news.rule, news.text);
+        items.push(Item::new(&head, role(news.severity)));
+        let cause = news.cause.and_then(|id| survey.news.iter().find(|other| other.news.id == id));
+        if let Some(cause) = cause {
+            let time = core.seconds(cause.time).map_or(String::new(), |time| format!(" {time:.3} s"));
+            let frame = cause.spot.frame;
+            let text = format!("  caused by {{{frame}}}{time} {}: {}", cause.news.rule, cause.news.text);
+            items.push(Item::new(&text, Role::Link).leading(Leads::Place(Place::Frame(frame))));
+        }
+        if let Some(rule) = declarations().find(|rule| *rule.name == *news.rule) {
+            explanation(&rule.info(), items);
+        }
+    }
+}
+
+/// The rule's own words, a paragraph each.
+fn explanation(rule: &RuleInfo, items: &mut Vec<Item>) {
+    let text = manual(&rule.explanation);
+    let paragraphs = crate::cmd::rule_sections(&text);
+    if paragraphs.is_empty() {
+        items.push(Item::new(&format!("  {}", rule.title), Role::Text));
+        items.extend(rule.source.as_ref().map(|source| Item::quiet(&format!("  Source: {source}"))));
+    }
+    for (heading, paragraph) in paragraphs {
+        items.push(Item::headed(&format!("  {heading}: "), &paragraph));
+    }
+}

@@ -1,0 +1,185 @@
+//! How a raw number becomes what is shown, and what that rests on.
+//!
+//! ```text
+//! raw 6144 × 100 / 16384 = 37.5 %
+//! full scale 5208:02 Nominal pressure = 315 bar, read {88} 1.234 s
+//! ```
+
+use cobscope_decoder::profile::object::Scale;
+use cobscope_decoder::profile::{BitOrder, DataType, Factor, Field, Found, Meaning, Signal, Value, word};
+use cobscope_decoder::session::{Entry, Node};
+use cobscope_decoder::wire::canopen::ObjectAddress;
+
+use super::payload::shown;
+use crate::app::Core;
+
+/// Where a field lies, and how it is read.
+pub(super) fn place(field: &Field) -> Vec<String> {
+    let (first, bit) = (field.bit / 8, field.bit % 8);
+    let order = match field.order {
+        _ if field.bits <= 8 && field.bits + bit <= 8 => "",
+        BitOrder::LittleEndian => ", least significant byte first",
+        BitOrder::BigEndian => ", most significant bit first",
+    };
+    let kind = if field.is_typed { format!(", {}", field.data_type.name()) } else { String::new() };
+    let bits = if field.bits == 1 { "1 bit".into() } else { format!("{} bits", field.bits) };
+    vec![format!("{bits} from bit {bit} of byte {first} on{order}{kind}")]
+}
+
+/// How the value of a field of a layout came about.
+pub(super) fn notes(core: &Core, node: Option<&Node>, field: &Field, signal: &Signal<'_>) -> Vec<String> {
+    let mut all = Vec::new();
+    match field.meaning.as_deref() {
+        Some(meaning) => of_value(core, node, meaning, &signal.value, &mut all),
+        None => all.push(format!("raw {} = {:X}h; nothing tells its meaning", signal.raw, signal.raw)),
+    }
+    all
+}
+
+/// How a value of an object came about.
+pub(in crate::panes) fn of_value(
+    core: &Core,
+    node: Option<&Node>,
+    meaning: &Meaning,
+    value: &Value,
+    all: &mut Vec<String>,
+) {
+    if let Some(text) = formula(node, meaning, value) {
+        all.push(text);
+    }
+    if let Some((object, _)) = meaning.scale.and_then(|scale| scale.full_scale) {
+        all.push(source(core, node, "full scale", object));
+    }
+    if let Some(bits) = meaning.bits.as_deref()
+        && let Some(word) = word(value)
+    {
+        for bit in bits.list.iter().filter(|bit| !bit.reserved) {
+            let number = bit.of(word);
+            let last = u16::from(bit.bit) + u16::from(bit.width.saturating_sub(1));
+            let place = if bit.width <= 1 { bit.bit.to_string() } else { format!("{last}..{}", bit.bit) };
+            let title = bit.text.as_deref().unwrap_or(&bit.name);
+            let words = bit.word(number).filter(|words| words != title);
+            let words = words.map_or(String::new(), |words| format!(": {words}"));
+            all.push(format!("bit {place} = {number} {title}{words}"));
+        }
+    }
+    if let Some(permitted) = permitted(meaning) {
+        let is_outside = if meaning.is_outside(value) { "OUTSIDE" } else { "inside" };
+        all.push(format!("{is_outside} of {permitted}"));
+    }
+    if let Some(values) = meaning.values.as_deref() {
+        let names: Vec<_> =
+            values.0.iter().take(MOST_NAMES).map(|(key, name)| format!("{key} {name}")).collect();
+        let more = if values.0.len() > MOST_NAMES { ", …" } else { "" };
+        all.push(format!("values: {}{more}", names.join(", ")));
+    }
+    for object in modes(node, meaning.object) {
+        all.push(source(core, node, "read by", object));
+    }
+    if meaning.assumed {
+        all.push("assumed: rests on a default, or on a value that may have changed unseen".into());
+    }
+}
+
+/// Names of an enumeration that are listed.
+const MOST_NAMES: usize = 16;
+
+/// Objects whose values choose how an object is read.
+fn modes(node: Option<&Node>, object: ObjectAddress) -> Vec<ObjectAddress> {
+    let found = node.and_then(|node| node.device().dictionary.find(object));
+    let Some((found, entry)) = found.and_then(|found| Some((found, found.entry?))) else { return Vec::new() };
+    let mut all: Vec<_> = entry.modes.iter().map(|(when, _)| found.shifted(when.object)).collect();
+    all.dedup();
+    all
+}
+
+/// `raw 6144 × 100 / 16384 = 37.5 %`.
+fn formula(node: Option<&Node>, meaning: &Meaning, value: &Value) -> Option<String> {
+    let raw = match value {
+        Value::Unsigned(raw) => raw.to_string(),
+        Value::Integer(raw) => raw.to_string(),
+        Value::Real(raw) => raw.to_string(),
+        Value::Text(_) | Value::Bytes(_) => return None,
+    };
+    let Some(scale) = meaning.scale else {
+        let hex = word(value).map_or(String::new(), |word| format!(" = {}", hexadecimal(word, meaning)));
+        return Some(format!("raw {raw}{hex}"));
+    };
+    if let Some(label) = meaning.label(value) {
+        return Some(format!("raw {raw} is no quantity: {label}"));
+    }
+    let found = node.and_then(|node| node.device().dictionary.find(meaning.object));
+    let mut right = found.and_then(|found| as_written(&found, scale)).unwrap_or_else(|| match scale.factor {
+        1.0 => String::new(),
+        factor => format!(" × {factor}"),
+    });
+    if scale.offset != 0.0 {
+        let sign = if scale.offset < 0.0 { '-' } else { '+' };
+        right.push_str(&format!(" {sign} {}", scale.offset.abs()));
+    }
+    let shown = Meaning { values: None, special: None, bits: None, ..meaning.clone() }.show(value);
+    Some(format!("raw {raw}{right} = {shown}"))
+}
+
+fn hexadecimal(word: u64, meaning: &Meaning) -> String {
+    let width = meaning.data_type.and_then(DataType::bits).unwrap_or(64).clamp(1, 64);
+    let digits = usize::from(width.div_ceil(4));
+    format!("{:0digits$X}h", word & (u64::MAX >> (64 - width)))
+}
+
+/// The scale in the numbers of the manual: that of its forms which comes to the same factor.
+fn as_written(found: &Found<'_>, scale: Factor) -> Option<String> {
+    let entry = found.entry?;
+    let looks = entry.modes.iter().map(|(_, look)| look).chain([&entry.look]);
+    let mut forms = looks.filter_map(|look| match look.scale? {
+        Scale::Factor(factor) => Some((factor, format!(" × {factor}"))),
+        Scale::Anchor { raw, value: 1.0 } => Some((1.0 / raw, format!(" / {raw}"))),
+        Scale::Anchor { raw, value } => Some((value / raw, format!(" × {value} / {raw}"))),
+        Scale::ByObject { raw, .. } => {
+            let (_, value) = scale.full_scale?;
+            Some((value / raw, format!(" × {value} / {raw}")))
+        }
+    });
+    forms
+        .find(|(factor, _)| (factor - scale.factor).abs() <= scale.factor.abs() * 1e-12)
+        .map(|(_, text)| text)
+}
+
+/// `full scale 5208:02 Nominal pressure = 315 bar, read {88} 1.234 s`.
+fn source(core: &Core, node: Option<&Node>, what: &str, object: ObjectAddress) -> String {
+    let meaning = node.and_then(|node| node.meaning(object));
+    let name = meaning.as_ref().map_or(String::new(), |meaning| format!(" {}", meaning.name));
+    match node.and_then(|node| node.store().get(object)) {
+        Some(entry) => {
+            let stale = if entry.stale { ", assumed: it may have changed unseen" } else { "" };
+            let value = shown(meaning.as_ref(), &entry.value);
+            format!("{what} {object}{name} = {value}, {}{stale}", origin(core, entry))
+        }
+        None => {
+            let found = node.and_then(|node| Some((node.device().dictionary.find(object)?.entry?, node)));
+            let raw = found.and_then(|(entry, node)| entry.default_number(Some(node.id().number())));
+            let value = raw.zip(meaning).map(|(raw, meaning)| meaning.show(&meaning.number(raw)));
+            match value {
+                Some(value) => format!("{what} {object}{name} = {value}, assumed: as delivered"),
+                None => format!("{what} {object}{name}: not known"),
+            }
+        }
+    }
+}
+
+/// `read {88} 1.234 s`.
+pub(in crate::panes) fn origin(core: &Core, entry: &Entry) -> String {
+    let frame = if entry.origin.frame == 0 { String::new() } else { format!(" {{{}}}", entry.origin.frame) };
+    let time = core.seconds(entry.origin.time).map_or(String::new(), |time| format!(" {time:.3} s"));
+    format!("{}{frame}{time}", entry.origin.kind.verb())
+}
+
+/// `-100 to 100 %`, or raw numbers.
+fn permitted(meaning: &Meaning) -> Option<String> {
+    let unit = if meaning.unit.is_empty() { String::new() } else { format!(" {}", meaning.unit) };
+    match (meaning.limits, meaning.range) {
+        (Some([least, most]), _) => Some(format!("{least} to {most}{unit}")),
+        (None, Some([least, most])) => Some(format!("raw {least} to {most}")),
+        (None, None) => None,
+    }
+}

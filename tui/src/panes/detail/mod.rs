@@ -1,0 +1,403 @@
+//! Detail: everything about the event at the cursor.
+//!
+//! ```text
+//! 7.204 s {104} can0 0A0 EMCY of 32
+//! 32/20 EMCY 8305 spool position error → FAULT HOLD …
+//! byte         0        1        2            the field under the cursor is lit, left and right go over bits
+//! bits  00000101 10000011 00100001
+//! field aaaaaaaa aaaaaaaa bbbbbbbb
+//! error emcy-raised: …                        findings with the rule's words
+//! a error code  8305h spool position error    fields, exchange, links, all keys
+//! ```
+//!
+//! From 110 columns on the bits stand at the left of the rest.
+
+mod advice;
+mod document;
+mod exchange;
+mod judged;
+mod keys;
+pub(in crate::panes) mod meaning;
+mod payload;
+mod services;
+
+use cobscope_decoder::frame::Timestamp;
+use cobscope_decoder::replay::Spot;
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ratatui::text::Line;
+
+use super::Pane;
+use crate::app::{Action, Core, Effect, role_of};
+use crate::theme::{Glyph, Role};
+use crate::timeline::Row;
+use crate::widgets::bits::{self, Bits};
+use crate::widgets::draw;
+use crate::widgets::text_lines::TextLines;
+use document::{Item, Leads};
+use payload::Payload;
+
+/// Width from which bits and text stand side by side.
+const WIDE: u16 = 110;
+/// Columns of four bytes in bits, and of eight.
+const FOUR_BYTES: u16 = 42;
+const EIGHT_BYTES: u16 = 78;
+/// Lines the bits take at most above the text.
+const MOST_BITS: u16 = 8;
+
+/// The pane.
+#[derive(Debug, Default)]
+pub struct Detail {
+    /// Place this is about.
+    spot: Option<Spot>,
+    /// Item the cursor is on.
+    selected: usize,
+    /// Bit the cursor is on.
+    bit: Option<u16>,
+    /// Frame of the exchange whose bits are shown.
+    frame: Option<usize>,
+}
+
+/// Where what is drawn.
+struct Parts {
+    title: Rect,
+    bits: Rect,
+    text: Rect,
+}
+
+/// What is told at the moment.
+struct Told<'a> {
+    row: Option<&'a Row>,
+    payload: Payload,
+    items: Vec<Item>,
+}
+
+impl Detail {
+    fn told<'a>(&self, core: &'a Core) -> Told<'a> {
+        let row = row(core);
+        let frames = core.window.as_ref().map_or(&[][..], |window| &window.frames);
+        let chosen = self.frame.and_then(|frame| frames.get(frame));
+        let payload = payload::of(core, row, chosen);
+        let items = document::items(core, row, &payload);
+        Told { row, payload, items }
+    }
+
+    /// The part the cursor is on.
+    fn part(&self, told: &Told<'_>) -> Option<usize> {
+        match told.items.get(self.selected(told)).map(|item| &item.leads) {
+            Some(Leads::Part(part)) if self.bit.is_none_or(|bit| part_at(&told.payload, bit).is_some()) => {
+                Some(*part)
+            }
+            _ => None,
+        }
+    }
+
+    /// The item the cursor is on; never a heading.
+    fn selected(&self, told: &Told<'_>) -> usize {
+        let rest = told.items.iter().enumerate().skip(self.selected);
+        let mut rest = rest.filter(|(_, item)| item.can_be_selected());
+        rest.next().map_or_else(
+            || told.items.iter().rposition(Item::can_be_selected).unwrap_or(0),
+            |(index, _)| index,
+        )
+    }
+
+    fn step(&mut self, told: &Told<'_>, delta: isize) {
+        let places = told.items.iter().enumerate().filter(|(_, item)| item.can_be_selected());
+        let places: Vec<usize> = places.map(|(index, _)| index).collect();
+        let at = places.partition_point(|index| *index < self.selected(told));
+        let to = at.saturating_add_signed(delta).min(places.len().saturating_sub(1));
+        self.selected = places.get(to).copied().unwrap_or(0);
+        self.bit = None;
+    }
+
+    /// Goes over bits as they stand on the screen.
+    fn step_bit(&mut self, told: &Told<'_>, delta: i16) {
+        let count = u16::try_from(told.payload.bytes.len().min(64) * 8).unwrap_or(0);
+        if count == 0 {
+            return;
+        }
+        let part = self.part(told).and_then(|part| told.payload.parts.get(part));
+        let place = match (self.bit, part) {
+            (Some(bit), _) => bits::on_screen(bit).saturating_add_signed(delta),
+            (None, Some(part)) => first_on_screen(part),
+            (None, None) => 0,
+        };
+        self.choose(told, bits::on_screen(place.min(count - 1)));
+    }
+
+    /// Puts the cursor on a bit and on the part it belongs to.
+    fn choose(&mut self, told: &Told<'_>, bit: u16) {
+        self.bit = Some(bit);
+        if let Some(part) = part_at(&told.payload, bit) {
+            let is_it = |item: &Item| item.leads == Leads::Part(part);
+            self.selected = told.items.iter().position(is_it).unwrap_or(self.selected);
+        }
+    }
+
+    fn open(&mut self, core: &Core) -> Vec<Effect> {
+        let told = self.told(core);
+        match told.items.get(self.selected(&told)).map(|item| item.leads.clone()) {
+            Some(Leads::Place(place)) => vec![Effect::Go(place)],
+            Some(Leads::Frame(frame)) => {
+                self.frame = if self.frame == Some(frame) { None } else { Some(frame) };
+                self.bit = None;
+                // What is above it may have become more or less.
+                let told = self.told(core);
+                let is_it = |item: &Item| item.leads == Leads::Frame(frame);
+                self.selected = told.items.iter().position(is_it).unwrap_or(0);
+                Vec::new()
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    fn plot(&self, core: &Core) -> Vec<Effect> {
+        let told = self.told(core);
+        let part = self.part(&told).and_then(|part| told.payload.parts.get(part));
+        match part.and_then(|part| part.signal.clone()) {
+            Some(signal) => {
+                let text = format!("{} is on the plot", signal.name);
+                vec![Effect::Plot(signal), Effect::Say(text)]
+            }
+            None => vec![Effect::Refuse("choose a field of a PDO or message to plot it".into())],
+        }
+    }
+}
+
+/// The event at the cursor; nothing where the cursor is behind a frame that shows none.
+fn row(core: &Core) -> Option<&Row> {
+    core.row().filter(|row| {
+        let frame = core.cursor.frame;
+        row.spot.frame == frame || row.event.frames.last == frame || core.cursor.ordinal != u32::MAX
+    })
+}
+
+fn fields(payload: &Payload) -> Vec<bits::Field<'_>> {
+    let mut all = Vec::new();
+    for (number, part) in payload.parts.iter().enumerate() {
+        all.push(bits::Field {
+            name: part.name.as_str().into(),
+            start_bit: part.bit,
+            bits: part.bits,
+            order: part.order,
+            role_index: u8::try_from(number % 256).unwrap_or(0),
+        });
+    }
+    all
+}
+
+fn part_at(payload: &Payload, bit: u16) -> Option<usize> {
+    bits::field_at(&fields(payload), bit)
+}
+
+fn first_on_screen(part: &payload::Part) -> u16 {
+    use cobscope_decoder::profile::BitOrder;
+    match part.order {
+        BitOrder::BigEndian => bits::on_screen(part.bit),
+        BitOrder::LittleEndian => {
+            let last = part.bit.saturating_add(part.bits.saturating_sub(1));
+            let byte = part.bit | 7;
+            bits::on_screen(last.min(byte))
+        }
+    }
+}
+
+/// Title, bits and text in an area.
+fn layout(told: &Told<'_>, title_lines: u16, area: Rect) -> Parts {
+    let title = Rect { height: title_lines.min(area.height), ..area };
+    let rest = Rect { y: area.y + title.height, height: area.height - title.height, ..area };
+    if told.payload.bytes.is_empty() {
+        return Parts { title, bits: Rect { height: 0, ..rest }, text: rest };
+    }
+    if area.width >= WIDE {
+        let width = if area.width >= EIGHT_BYTES + 72 { EIGHT_BYTES } else { FOUR_BYTES };
+        let bits = Rect { width, ..rest };
+        let text = Rect { x: rest.x + width + 1, width: rest.width - width - 1, ..rest };
+        return Parts { title, bits, text };
+    }
+    let block = if told.payload.parts.is_empty() { 3 } else { 4 };
+    let bytes_a_row = if area.width >= EIGHT_BYTES - 1 { 8 } else { 4 };
+    let blocks = draw::cells(told.payload.bytes.len().min(64).div_ceil(bytes_a_row));
+    let height = (blocks * block).min(MOST_BITS).min(rest.height / 2);
+    let bits = Rect { height, ..rest };
+    Parts { title, bits, text: Rect { y: rest.y + height, height: rest.height - height, ..rest } }
+}
+
+/// Where and when, and the event's line.
+fn title(core: &Core, told: &Told<'_>) -> Vec<Line<'static>> {
+    let time = told.row.map_or_else(|| core.time(), |row| row.event.time);
+    let mut place = core.seconds(time).map_or(String::new(), |time| format!("{time:.6} s  "));
+    if let Some(date) = time.and_then(date) {
+        place.push_str(&format!("{date}  "));
+    }
+    let Some(row) = told.row else {
+        place.push_str(&format!("frame {{{}}}  {}", core.cursor.frame, told.payload.title));
+        return vec![Line::styled(place, core.theme.style(Role::Quiet))];
+    };
+    let frames = row.event.frames;
+    place.push_str(&match (frames.first, frames.last) {
+        (0, 0) => String::new(),
+        (first, last) if first == last => format!("{{{last}}}  "),
+        (first, last) => format!("{{{first}}}..{{{last}}}  "),
+    });
+    place.push_str(&format!("{}  {}", row.bus, told.payload.title));
+    let presumed = if row.event.presumed { "  presumed CANopen" } else { "" };
+    let place = cobscope_decoder::sink::escape(&format!("{}{presumed}", place.trim_end())).into_owned();
+    let text = format!("{} {} {}", row.who, row.kind, row.what());
+    vec![
+        Line::styled(place, core.theme.style(Role::Quiet)),
+        Line::styled(text, core.theme.style(role_of(row.tone))),
+    ]
+}
+
+/// A stamp from 1973 on is a date and time; before it counts from the capture's beginning.
+fn date(time: Timestamp) -> Option<String> {
+    const FIRST: i64 = 100_000_000_000_000_000;
+    let stamp = jiff::Timestamp::from_nanosecond(i128::from(time.0)).ok().filter(|_| time.0 >= FIRST)?;
+    Some(stamp.strftime("%Y-%m-%d %H:%M:%S UTC").to_string())
+}
+
+/// Lines of the screen the title takes.
+fn title_lines(core: &Core, title: &[Line<'static>], area: Rect) -> u16 {
+    draw::cells(TextLines::new(&core.theme, title).total(area.width)).min(area.height / 4).max(1)
+}
+
+impl Pane for Detail {
+    fn render(&self, core: &Core, area: Rect, buf: &mut Buffer) {
+        if core.window.is_none() {
+            draw::put(buf, area.x, area.y, area.width, "reading …", core.theme.style(Role::Quiet));
+            return;
+        }
+        let told = self.told(core);
+        let title = title(core, &told);
+        let parts = layout(&told, title_lines(core, &title, area), area);
+        TextLines::new(&core.theme, &title).render(parts.title, buf);
+        let fields = fields(&told.payload);
+        Bits::new(&core.theme, &told.payload.bytes)
+            .fields(&fields)
+            .selected(self.part(&told))
+            .cursor(self.bit)
+            .without_legend()
+            .render(parts.bits, buf);
+        if parts.text.x > area.x {
+            for y in parts.text.top()..parts.text.bottom() {
+                let glyph = core.theme.glyph(Glyph::Vertical);
+                draw::put(buf, parts.text.x - 1, y, 1, glyph, core.theme.style(Role::Border));
+            }
+        }
+        self.text(core, &told, parts.text, buf);
+    }
+
+    fn act(&mut self, action: Action, core: &Core) -> Vec<Effect> {
+        let told = self.told(core);
+        let page = isize::try_from(core.height / 3).unwrap_or(1).max(1);
+        match action {
+            Action::Down => self.step(&told, 1),
+            Action::Up => self.step(&told, -1),
+            Action::PageDown => self.step(&told, page),
+            Action::PageUp => self.step(&told, -page),
+            Action::Top => self.step(&told, isize::MIN),
+            Action::Bottom => self.step(&told, isize::MAX),
+            Action::Left => self.step_bit(&told, -1),
+            Action::Right => self.step_bit(&told, 1),
+            Action::Open | Action::Toggle => return self.open(core),
+            Action::Plot => return self.plot(core),
+            _ => {}
+        }
+        Vec::new()
+    }
+
+    fn click(&mut self, x: u16, y: u16, area: Rect, core: &Core) -> Vec<Effect> {
+        let told = self.told(core);
+        let parts = layout(&told, title_lines(core, &title(core, &told), area), area);
+        let fields = fields(&told.payload);
+        let bits = Bits::new(&core.theme, &told.payload.bytes).fields(&fields);
+        let bits = bits.selected(self.part(&told)).cursor(self.bit).without_legend();
+        if let Some(bit) = bits.bit_at(parts.bits, x, y) {
+            self.choose(&told, bit);
+        } else if let Some(item) = self.item_at(core, &told, parts.text, x, y) {
+            self.selected = item;
+            self.bit = None;
+        }
+        Vec::new()
+    }
+
+    fn refresh(&mut self, core: &Core) {
+        let spot = core.row().map(|row| row.spot).filter(|_| row(core).is_some());
+        let spot = Some(spot.unwrap_or(core.cursor));
+        if self.spot != spot {
+            *self = Self { spot, ..Self::default() };
+        }
+    }
+
+    fn actions(&self) -> &'static [Action] {
+        &[
+            Action::Back,
+            Action::Down,
+            Action::Right,
+            Action::Open,
+            Action::FilterCell,
+            Action::Plot,
+            Action::NextFinding,
+            Action::NextError,
+        ]
+    }
+
+    fn filter_of_cell(&self, core: &Core) -> Option<String> {
+        let told = self.told(core);
+        let item = told.items.get(self.selected(&told))?;
+        let part = self.part(&told).and_then(|part| told.payload.parts.get(part));
+        let of_part = part
+            .and_then(|part| part.signal.as_ref())
+            .map(|signal| format!("signals.name == {:?}", signal.name));
+        item.filter.clone().or(of_part)
+    }
+
+    fn line(&self, core: &Core) -> Option<String> {
+        let told = self.told(core);
+        told.items.get(self.selected(&told)).map(Item::text)
+    }
+}
+
+impl Detail {
+    /// Lines of all items, and the line each begins with.
+    fn lines(&self, core: &Core, told: &Told<'_>, width: u16) -> (Vec<Line<'static>>, Vec<usize>) {
+        let selected = self.selected(told);
+        let (mut lines, mut starts, mut at) = (Vec::new(), Vec::new(), 0);
+        for (index, item) in told.items.iter().enumerate() {
+            starts.push(at);
+            let more = item.lines(&core.theme, index == selected);
+            at += TextLines::new(&core.theme, &more).total(width);
+            lines.extend(more);
+        }
+        starts.push(at);
+        (lines, starts)
+    }
+
+    /// The first line in view: that of the cursor stands in the upper third, with all of its item.
+    fn scroll(&self, told: &Told<'_>, starts: &[usize], height: usize) -> usize {
+        let selected = self.selected(told);
+        let start = starts.get(selected).copied().unwrap_or(0);
+        let end = starts.get(selected + 1).copied().unwrap_or(start + 1);
+        start.saturating_sub(height / 3).max(end.saturating_sub(height)).min(start)
+    }
+
+    fn text(&self, core: &Core, told: &Told<'_>, area: Rect, buf: &mut Buffer) {
+        let (lines, starts) = self.lines(core, told, area.width.saturating_sub(1));
+        let scroll = self.scroll(told, &starts, usize::from(area.height));
+        TextLines::new(&core.theme, &lines).scroll(scroll).render(area, buf);
+    }
+
+    /// The item at a place of the screen.
+    fn item_at(&self, core: &Core, told: &Told<'_>, area: Rect, x: u16, y: u16) -> Option<usize> {
+        let is_inside = area.contains(ratatui::layout::Position::new(x, y));
+        let (lines, starts) = self.lines(core, told, area.width.saturating_sub(1));
+        let last = TextLines::new(&core.theme, &lines).last_scroll(area);
+        let scroll = self.scroll(told, &starts, usize::from(area.height)).min(last);
+        let line = scroll + usize::from(y.saturating_sub(area.y));
+        let at = starts.partition_point(|start| *start <= line).checked_sub(1)?;
+        let is_item = told.items.get(at).is_some_and(Item::can_be_selected);
+        (is_inside && is_item).then_some(at)
+    }
+}

@@ -1,0 +1,447 @@
+//! The bytes an event is about, and what lies in them.
+//!
+//! ```text
+//! event ─▶ its own layout (PDO, J1939, DBC) ─┐
+//!      └─▶ its frame ─▶ layout of its identifier, else the table of its service ─▶ parts
+//! ```
+
+use std::sync::Arc;
+
+use cobscope_decoder::event::{EventKind, Protocol, SdoTransfer};
+use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags};
+use cobscope_decoder::profile::{BitOrder, DataType, Device, Field, Layout, Owner, Value, connection_set};
+use cobscope_decoder::profile::{abort_codes, error_register, failure_modes, lss, pgn_name, uds};
+use cobscope_decoder::session::{Bus, Node};
+use cobscope_decoder::wire::canopen::emcy::ByteOrder;
+use cobscope_decoder::wire::canopen::sdo::Side;
+use cobscope_decoder::wire::canopen::{NmtState, ObjectAddress, nmt};
+use cobscope_decoder::wire::j1939::{J1939Id, Pgn};
+
+use super::meaning;
+use super::services::{self, Read, Service, Slot};
+use crate::app::{Core, SignalKey};
+use crate::timeline::Row;
+
+/// A part of a payload.
+#[derive(Debug, Clone)]
+pub(super) struct Part {
+    /// What it is called.
+    pub(super) name: String,
+    /// Where it begins.
+    pub(super) bit: u16,
+    /// How many bits it has.
+    pub(super) bits: u16,
+    /// Order of its bits.
+    pub(super) order: BitOrder,
+    /// Its value in words.
+    pub(super) value: String,
+    /// How that came about.
+    pub(super) notes: Vec<String>,
+    /// What it can be plotted as.
+    pub(super) signal: Option<SignalKey>,
+    /// Rests on something not seen.
+    pub(super) is_assumed: bool,
+}
+
+/// Bytes with what lies in them.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Payload {
+    /// Whose bytes these are.
+    pub(super) title: String,
+    /// The bytes.
+    pub(super) bytes: Vec<u8>,
+    /// What lies in them, in order.
+    pub(super) parts: Vec<Part>,
+    /// What tells what lies in them.
+    pub(super) source: String,
+}
+
+/// Where bytes come from.
+struct Place<'a> {
+    core: &'a Core,
+    bus: Option<&'a Bus>,
+    node: Option<&'a Node>,
+    index: BusIndex,
+    id: Option<CanId>,
+}
+
+/// The payload shown: of the event at the cursor, or of one frame of it.
+pub(super) fn of(core: &Core, row: Option<&Row>, chosen: Option<&Frame>) -> Payload {
+    let Some(row) = row else { return last_frame(core) };
+    let bus = core.world().and_then(|world| world.buses().iter().find(|bus| bus.index() == row.event.bus));
+    let node = row.event.node.and_then(|node| bus?.node(node));
+    let id = chosen.or(row.frame.as_ref()).map(|frame| frame.id);
+    let place = Place { core, bus, node, index: row.event.bus, id };
+    if let Some(frame) = chosen {
+        return place.frame(frame, Some(row));
+    }
+    match &row.event.kind {
+        EventKind::Pdo(pdo) if !pdo.is_request => {
+            let place = Place { id: Some(pdo.cob_id), ..place };
+            place.signals(pdo.payload(), pdo.layout.as_ref(), None)
+        }
+        EventKind::J1939Message(message) => {
+            let place = Place { id: Some(message.can_id), ..place };
+            place.signals(message.payload(), message.layout.as_ref(), of_group(message.id.pgn))
+        }
+        EventKind::J1939Transfer(transfer) => {
+            let service = transfer.pgn.and_then(of_group);
+            let mut payload =
+                Place { id: None, ..place }.signals(&transfer.data, transfer.layout.as_ref(), service);
+            payload.title = "message put together".into();
+            payload
+        }
+        EventKind::UdsExchange(exchange) => match exchange.response.as_ref().or(exchange.request.as_ref()) {
+            Some(message) => place.uds(&message.data, exchange.response.is_some()),
+            None => Payload::default(),
+        },
+        EventKind::IsoTpTransfer(transfer) => place.uds(&transfer.data, false),
+        EventKind::Frame(undecoded) => {
+            let place = Place { id: Some(undecoded.frame.id), ..place };
+            match &undecoded.message {
+                Some(message) => place.signals(undecoded.frame.data(), Some(&message.layout), None),
+                None => place.frame(&undecoded.frame, Some(row)),
+            }
+        }
+        _ => row.frame.as_ref().map(|frame| place.frame(frame, Some(row))).unwrap_or_default(),
+    }
+}
+
+/// The frame before the cursor, where no event shows it.
+fn last_frame(core: &Core) -> Payload {
+    let row = core.world().and_then(|world| {
+        let frame = world.frames();
+        world.identifiers().rows().iter().find(|row| row.last_frame == frame)
+    });
+    let Some(row) = row else { return Payload::default() };
+    let mut frame = Frame::data_frame(row.id, row.payload());
+    frame.bus = row.bus;
+    if row.is_remote {
+        frame.flags = frame.flags.with(FrameFlags::REMOTE);
+    }
+    let bus = core.world().and_then(|world| world.buses().iter().find(|bus| bus.index() == row.bus));
+    let node = row.node.and_then(|node| bus?.node(node));
+    Place { core, bus, node, index: row.bus, id: Some(row.id) }.frame(&frame, None)
+}
+
+impl Place<'_> {
+    /// What lies in one frame.
+    fn frame(&self, frame: &Frame, row: Option<&Row>) -> Payload {
+        if frame.flags.contains(FrameFlags::REMOTE) || frame.flags.contains(FrameFlags::ERROR) {
+            let what = if frame.flags.contains(FrameFlags::REMOTE) { "remote frame" } else { "error frame" };
+            let title = format!("{}, {what}", self.title());
+            return Payload { title, bytes: frame.data().to_vec(), ..Payload::default() };
+        }
+        let service = self.service(frame, row);
+        let known = self.core.world().and_then(|world| {
+            let mut rows = world.identifiers().rows().iter();
+            rows.find(|row| row.bus == frame.bus && row.id == frame.id && !row.is_remote)
+        });
+        let layout = known.and_then(|known| known.layout.as_ref());
+        match (layout, service) {
+            (Some(layout), _) => self.signals(frame.data(), Some(layout), None),
+            (None, Some(service)) => self.slots(frame.data(), service),
+            (None, None) => Payload {
+                title: self.title(),
+                bytes: frame.data().to_vec(),
+                source: "nothing tells what lies in it".into(),
+                parts: Vec::new(),
+            },
+        }
+    }
+
+    /// The table of a frame's service.
+    fn service(&self, frame: &Frame, row: Option<&Row>) -> Option<&'static Service> {
+        match row.map(|row| &row.event.kind) {
+            Some(EventKind::SdoTransfer(transfer)) => {
+                let frames = self.core.window.as_ref().map_or(&[][..], |window| &window.frames);
+                return Some(of_sdo(transfer, frames, frame));
+            }
+            Some(EventKind::Emcy(emergency)) if emergency.cob_id == frame.id => {
+                return Some(match emergency.byte_order {
+                    ByteOrder::MsbFirst => &services::EMCY_SWAPPED,
+                    ByteOrder::LsbFirst => &services::EMCY,
+                });
+            }
+            _ => {}
+        }
+        match (frame.id, row.map(|row| row.event.protocol)) {
+            (_, Some(Protocol::Uds)) => Some(&services::ISO_TP),
+            (CanId::Extended(id), _) => J1939Id::of(id).and_then(|id| of_group(id.pgn)),
+            (CanId::Standard(id), _) => match connection_set().owner(id) {
+                Owner::Nmt => Some(&services::NMT),
+                Owner::Sync => Some(&services::SYNC),
+                Owner::Time => Some(&services::TIME),
+                Owner::Emcy(_) => Some(&services::EMCY),
+                Owner::ErrorControl(_) => Some(&services::ERROR_CONTROL),
+                Owner::Lss(_) => Some(&services::LSS),
+                Owner::Sdo(Side::Client, _) => Some(&services::SDO_REQUEST),
+                Owner::Sdo(Side::Server, _) => Some(&services::SDO_RESPONSE),
+                Owner::Unclassified | Owner::Named(_) | Owner::Pdo(..) | Owner::TestMarker => None,
+            },
+        }
+    }
+
+    /// Parts by a layout, else by a table.
+    fn signals(
+        &self,
+        bytes: &[u8],
+        layout: Option<&Arc<Layout>>,
+        service: Option<&'static Service>,
+    ) -> Payload {
+        let layout = match (layout, service) {
+            (Some(layout), _) if !layout.fields.is_empty() => layout,
+            (_, Some(service)) => return self.slots(bytes, service),
+            _ => {
+                let source = "no mapping or database tells what lies in it".into();
+                return Payload { title: self.title(), bytes: bytes.to_vec(), source, parts: Vec::new() };
+            }
+        };
+        let mut parts = Vec::new();
+        for (number, field) in layout.fields.iter().enumerate() {
+            if let Some(part) = self.signal(bytes, layout, number, field) {
+                parts.push(part);
+            }
+        }
+        let assumed =
+            if layout.assumed { ", assumed: it may have changed unseen, or is a default" } else { "" };
+        let source = format!("layout: {}{assumed}", layout.origin);
+        Payload { title: self.title(), bytes: bytes.to_vec(), parts, source }
+    }
+
+    fn signal(&self, bytes: &[u8], layout: &Arc<Layout>, number: usize, field: &Field) -> Option<Part> {
+        let id = field.id.to_string();
+        let name = match (field.name(), id.is_empty()) {
+            (Some(name), true) => name.to_owned(),
+            (Some(name), false) => format!("{id} {name}"),
+            (None, true) => "no name".into(),
+            (None, false) => id,
+        };
+        let signal = layout.signal(number, bytes);
+        let meaning = field.meaning.as_deref();
+        let is_assumed = layout.assumed || meaning.is_some_and(|meaning| meaning.assumed);
+        let value = match (&signal, meaning) {
+            (Some(signal), Some(meaning)) => meaning.show(&signal.value),
+            (Some(signal), None) => signal.value.to_string(),
+            (None, _) if field.extract(bytes).is_none() => "missing: the frame is too short".into(),
+            // It is not selected: other fields have its bits.
+            (None, _) => return None,
+        };
+        let mut notes = meaning::place(field);
+        if let Some(signal) = &signal {
+            notes.extend(meaning::notes(self.core, self.node, field, signal));
+        }
+        let signal = self.id.map(|can_id| SignalKey {
+            bus: self.index,
+            id: can_id,
+            field: number,
+            name: field.name().unwrap_or(&name).to_owned(),
+            unit: meaning.map(|meaning| meaning.unit.clone()).unwrap_or_default(),
+            layout: Arc::clone(layout),
+        });
+        let (bit, bits, order) = (field.bit, field.bits, field.order);
+        Some(Part { name, bit, bits, order, value, notes, signal, is_assumed })
+    }
+
+    /// Parts by a table.
+    fn slots(&self, bytes: &[u8], service: &'static Service) -> Payload {
+        let name = service.shape(bytes).map_or("", |shape| shape.name);
+        let parts = service.slots(bytes).into_iter().map(|(name, slot)| self.slot(bytes, name, slot));
+        Payload {
+            title: self.title(),
+            bytes: bytes.to_vec(),
+            parts: parts.collect(),
+            source: format!("{name}: {}", service.source),
+        }
+    }
+
+    fn slot(&self, bytes: &[u8], name: String, slot: Slot) -> Part {
+        let rest = u16::try_from(bytes.len() * 8).unwrap_or(u16::MAX).saturating_sub(slot.bit);
+        let bits = if slot.bits == 0 { rest } else { slot.bits };
+        let value = if slot.read == Read::Bytes {
+            let first = usize::from(slot.bit / 8);
+            let end = first + usize::from(bits / 8);
+            hex(bytes.get(first..end).unwrap_or_default())
+        } else {
+            let field = Field { order: slot.order, ..number(slot.bit, bits) };
+            self.words(slot.read, bits, field.extract(bytes).unwrap_or(0))
+        };
+        let place = Field { order: slot.order, ..number(slot.bit, bits) };
+        let notes = match slot.read {
+            Read::Bytes => vec![format!("{} bytes from byte {} on", bits / 8, slot.bit / 8)],
+            _ => meaning::place(&place),
+        };
+        let (bit, order) = (slot.bit, slot.order);
+        Part { name, bit, bits, order, value, notes, signal: None, is_assumed: false }
+    }
+
+    /// A number in the words of its table.
+    fn words(&self, read: Read, bits: u16, raw: u64) -> String {
+        let digits = usize::from(bits.div_ceil(4));
+        let small = u32::try_from(raw).unwrap_or(u32::MAX);
+        let byte = u8::try_from(raw).unwrap_or(u8::MAX);
+        let device = self.node.map(|node| &**node.device());
+        match read {
+            Read::Number | Read::Bytes => raw.to_string(),
+            Read::Hex => format!("{raw:0digits$X}h"),
+            Read::Names(names) => {
+                let name = names.iter().find(|(value, _)| *value == raw);
+                name.map_or_else(|| format!("{raw}, reserved"), |(_, name)| format!("{raw} {name}"))
+            }
+            Read::NmtCommand => {
+                let service = nmt::parse(&[byte, 0]).map(|command| command.service.name());
+                format!("{raw:02X}h {}", service.unwrap_or("unknown"))
+            }
+            Read::NmtState => {
+                let state = NmtState::from_code(byte).map_or("undefined", NmtState::name);
+                format!("{raw:02X}h {state}")
+            }
+            Read::EmcyCode => {
+                let code = u16::try_from(raw).unwrap_or(0);
+                let text = device.map_or_else(|| plain_error(code), |device| device.error_text(code));
+                format!("{raw:04X}h {text}")
+            }
+            Read::Register => {
+                let names: Vec<_> = error_register().texts(small).collect();
+                format!("{raw:02X}h {}", names.join(", "))
+            }
+            Read::Object => self.object(raw),
+            Read::Abort => format!("{raw:08X}h {}", abort_text(device, small, None)),
+            Read::Lss => format!("{raw:02X}h {}", lss().title(byte)),
+            Read::Group => {
+                let name = pgn_name(Pgn::new(small)).map_or(String::new(), |name| format!(" {name}"));
+                format!("{raw}{name}")
+            }
+            Read::UdsService => uds_service(byte),
+            Read::UdsCode => {
+                format!("{raw:02X}h {}", uds().code(byte).map_or("unknown code", |code| code.text.as_str()))
+            }
+            Read::UdsIdentifier => {
+                let name = uds().identifier(u16::try_from(raw).unwrap_or(0)).unwrap_or_default();
+                format!("{raw:0digits$X}h {name}").trim_end().to_owned()
+            }
+            Read::FailureMode => format!("{raw} {}", failure_modes().text(small)),
+        }
+    }
+
+    /// `6040:00 Controlword`: index in the two low bytes, sub-index above.
+    fn object(&self, raw: u64) -> String {
+        let [low, high, sub, ..] = raw.to_le_bytes();
+        let object = ObjectAddress::new(u16::from_le_bytes([low, high]), sub);
+        let name = self.node.and_then(|node| node.meaning(object)).map(|meaning| meaning.name);
+        name.map_or_else(|| object.to_string(), |name| format!("{object} {name}"))
+    }
+
+    /// A UDS message: service, sub-function, identifier, what follows.
+    fn uds(&self, bytes: &[u8], is_response: bool) -> Payload {
+        let mut slots = services::UDS.slots(bytes);
+        let first = bytes.first().copied().unwrap_or(0);
+        let table = uds().service(first & !RESPONSE).filter(|_| first != NEGATIVE);
+        if let Some(service) = table {
+            let shape = if first & RESPONSE != 0 { service.response() } else { service.request() };
+            let mut bit = 8;
+            let mut push = |name: &str, bits: u16, order, read| {
+                // Of a field with the most significant bit first the place is that of this bit.
+                let start = if order == BitOrder::BigEndian { bit + 7 } else { bit };
+                let slot = Slot { name: "", bit: start, bits, order, read };
+                bit += bits;
+                slots.push((name.to_owned(), slot));
+            };
+            if shape.sub_function {
+                push("sub-function", 8, BitOrder::LittleEndian, Read::Hex);
+            }
+            if let Some(place) = shape.identifier {
+                let bits = if place.high.is_some() { 8 } else { 16 };
+                push("identifier", bits, BitOrder::BigEndian, Read::UdsIdentifier);
+            }
+            push("data", 0, BitOrder::LittleEndian, Read::Bytes);
+        }
+        let length = u16::try_from(bytes.len() * 8).unwrap_or(u16::MAX);
+        slots.retain(|(_, slot)| (slot.bit & !7).saturating_add(slot.bits.max(1)) <= length);
+        let parts = slots.into_iter().map(|(name, slot)| self.slot(bytes, name, slot)).collect();
+        let title = if is_response { "response" } else { "message" };
+        Payload { title: title.into(), bytes: bytes.to_vec(), parts, source: services::UDS.source.into() }
+    }
+
+    /// `0A0 EMCY of 32`.
+    fn title(&self) -> String {
+        let Some(id) = self.id else { return String::new() };
+        let what = self.bus.map(|bus| bus.describe_id(id)).unwrap_or_default();
+        format!("{id} {what}").trim_end().to_owned()
+    }
+}
+
+/// Bit of a service identifier that makes it a response, and the identifier of a negative one.
+const RESPONSE: u8 = 0x40;
+const NEGATIVE: u8 = 0x7F;
+
+fn uds_service(code: u8) -> String {
+    let table = uds().service(code & !RESPONSE);
+    let kind = if code & RESPONSE == 0 { "" } else { ", positive response" };
+    format!("{code:02X}h {}{kind}", table.map_or("unknown service", |service| service.title.as_str()))
+}
+
+fn plain_error(code: u16) -> &'static str {
+    cobscope_decoder::profile::emcy_codes().text(u32::from(code))
+}
+
+/// What an abort code means: by the standard, and by the manual where that says something else.
+pub(super) fn abort_text(device: Option<&Device>, code: u32, object: Option<ObjectAddress>) -> String {
+    let standard = abort_codes().text(code);
+    match device.and_then(|device| device.abort(code, object)) {
+        Some(own) if own.text != standard => format!("{standard}; by the manual: {}", own.text),
+        _ => standard.to_owned(),
+    }
+}
+
+fn number(bit: u16, bits: u16) -> Field {
+    Field::of_object(ObjectAddress::new(0, 0), bit, bits, DataType::unsigned(bits))
+}
+
+/// Table of a J1939 group, where no layout tells its contents.
+fn of_group(pgn: Pgn) -> Option<&'static Service> {
+    const TABLES: &[(Pgn, &Service)] = &[
+        (Pgn::TP_CM, &services::TP_CM),
+        (Pgn::ETP_CM, &services::TP_CM),
+        (Pgn::TP_DT, &services::TP_DT),
+        (Pgn::ETP_DT, &services::TP_DT),
+        (Pgn::REQUEST, &services::REQUEST),
+        (Pgn::ACKNOWLEDGEMENT, &services::ACKNOWLEDGEMENT),
+        (Pgn::ADDRESS_CLAIMED, &services::ADDRESS_CLAIM),
+        (Pgn::DM1, &services::TROUBLE_CODES),
+        (Pgn::DM2, &services::TROUBLE_CODES),
+    ];
+    TABLES.iter().find(|(group, _)| *group == pgn).map(|(_, service)| *service)
+}
+
+/// Table of a frame of an SDO transfer; within a block the sender's frames are segments.
+pub(super) fn of_sdo(transfer: &SdoTransfer, frames: &[Frame], frame: &Frame) -> &'static Service {
+    use cobscope_decoder::event::{Direction, Mode};
+    let commands =
+        if frame.id == transfer.request { &services::SDO_REQUEST } else { &services::SDO_RESPONSE };
+    let sender = match transfer.direction {
+        Some(Direction::Download) => transfer.request,
+        _ => transfer.response,
+    };
+    if transfer.mode != Some(Mode::Block) || frame.id != sender {
+        return commands;
+    }
+    let is_sent = |other: &&Frame| other.id == sender;
+    let first = frames.iter().find(is_sent).map(|other| other.number);
+    let last = frames.iter().rev().find(is_sent).map(|other| other.number);
+    let is_end = last == Some(frame.number) && frame.data().first().is_some_and(|byte| byte & 0xE1 == 0xC1);
+    if first == Some(frame.number) || is_end { commands } else { &services::SDO_SEGMENT }
+}
+
+/// `05 83 21`.
+pub(super) fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" ")
+}
+
+/// A value as people write it, with what is unknown as bytes.
+pub(super) fn shown(meaning: Option<&cobscope_decoder::profile::Meaning>, bytes: &[u8]) -> String {
+    match meaning.map(|meaning| (meaning, meaning.decode(bytes))) {
+        Some((meaning, value)) if !matches!(value, Value::Bytes(_)) => meaning.show(&value),
+        _ => hex(bytes),
+    }
+}

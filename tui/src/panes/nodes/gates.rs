@@ -1,0 +1,148 @@
+//! What keeps set points from acting: the gates of a node one by one, laid over the table.
+//!
+//! ```text
+//! ┌ 32/20 boom: spool NOT effective ────────────────────────────────────────┐
+//! │ closed   device ACTIVE   FAULT HOLD              manual: Fault handling │
+//! │          set points act in ACTIVE only                                  │
+//! │ open     operational     operational                                    │
+//! └──────────────────────────────────────────────────────────── esc closes ─┘
+//! ```
+
+use cobscope_decoder::session::{GateState, GateStatus};
+use cobscope_decoder::sink::escape;
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ratatui::text::{Line as Text, Span};
+use ratatui::widgets::{Block, Clear, Widget as _};
+
+use super::node::Subject;
+use crate::app::Core;
+use crate::theme::Role;
+use crate::widgets::text_lines::TextLines;
+
+/// Draws the gates of an output of a node from a line on.
+pub fn draw(
+    core: &Core,
+    subject: &Subject<'_>,
+    channel: Option<u8>,
+    scroll: usize,
+    area: Rect,
+    buf: &mut Buffer,
+) {
+    let theme = &core.theme;
+    let lines = lines(core, subject, channel);
+    let name = subject.node.name().map_or_else(String::new, |name| format!(" {}", escape(name)));
+    let channel = channel.map_or_else(String::new, |channel| format!(", c{channel}"));
+    let title = format!(" {}{name}{channel}: gates ", subject.node.id().words());
+    let height = u16::try_from(lines.len()).unwrap_or(u16::MAX).saturating_add(2).min(area.height);
+    let y = area.y + (area.height - height) / 2;
+    let margin = if area.width > 90 { 4 } else { 0 };
+    let place = Rect { x: area.x + margin, y, width: area.width.saturating_sub(2 * margin), height };
+    Clear.render(place, buf);
+    let block = Block::bordered()
+        .border_set(theme.border_set())
+        .border_style(theme.style(Role::BorderActive))
+        .title(Span::styled(title, theme.style(Role::Title)))
+        .title_bottom(Text::styled(" esc closes ", theme.style(Role::Key)).right_aligned());
+    let inside = block.inner(place);
+    block.render(place, buf);
+    let text = TextLines::new(theme, &lines);
+    let scroll = scroll.min(text.last_scroll(inside));
+    text.scroll(scroll).render(inside, buf);
+}
+
+/// A heading a set point, its gates below it: closed ones, those nothing is known of, open ones.
+fn lines(core: &Core, subject: &Subject<'_>, channel: Option<u8>) -> Vec<Text<'static>> {
+    let theme = &core.theme;
+    let mut lines = Vec::new();
+    for (names, gates) in groups(subject, channel) {
+        lines.push(Text::styled(escape(&names.join(", ")).into_owned(), theme.style(Role::Title)));
+        for gate in gates {
+            lines.extend(gate_lines(core, gate));
+        }
+    }
+    if lines.is_empty() {
+        lines.push(Text::styled(nothing(subject), theme.style(Role::Quiet)));
+    }
+    lines
+}
+
+/// Set points with the same gates, standing alike, share them.
+fn groups<'a>(subject: &'a Subject<'_>, channel: Option<u8>) -> Vec<(Vec<&'a str>, Vec<&'a GateState>)> {
+    let mut groups: Vec<(Vec<&str>, Vec<&GateState>)> = Vec::new();
+    let all: Vec<&GateState> = subject.gates(channel).collect();
+    let mut points: Vec<_> = all.iter().map(|gate| (gate.set_point, gate.name.as_str())).collect();
+    points.dedup();
+    for (object, name) in points {
+        let mut own: Vec<_> = all.iter().copied().filter(|gate| gate.set_point == object).collect();
+        own.sort_by_key(|gate| rank(gate.status));
+        let alike = groups.iter_mut().find(|(_, gates)| {
+            gates.len() == own.len()
+                && gates.iter().zip(&own).all(|(a, b)| {
+                    (a.status, &a.gate, &a.detail, &a.text) == (b.status, &b.gate, &b.detail, &b.text)
+                })
+        });
+        match alike {
+            Some((names, _)) => names.push(name),
+            None => groups.push((vec![name], own)),
+        }
+    }
+    groups
+}
+
+fn rank(status: GateStatus) -> u8 {
+    match status {
+        GateStatus::Closed => 0,
+        GateStatus::Unknown => 1,
+        GateStatus::Open => 2,
+        GateStatus::Invisible => 3,
+    }
+}
+
+/// How it stands and what was found; of one that is not open what that means and what to do.
+fn gate_lines(core: &Core, gate: &GateState) -> Vec<Text<'static>> {
+    let theme = &core.theme;
+    let (word, role) = match gate.status {
+        GateStatus::Closed => ("closed", Role::Bad),
+        GateStatus::Unknown => ("unknown", Role::Caution),
+        GateStatus::Open => ("open", Role::Good),
+        GateStatus::Invisible => ("unseen", Role::Quiet),
+    };
+    let text = |text: &str| escape(text).into_owned();
+    let found = if gate.detail.is_empty() { String::new() } else { format!(": {}", text(&gate.detail)) };
+    let mut first = vec![
+        Span::styled(format!("  {word:<8}"), theme.style(role)),
+        Span::styled(format!("{}{found}", text(&gate.gate)), theme.style(Role::Text)),
+    ];
+    if !gate.source.is_empty() {
+        first.push(Span::styled(format!("  (manual: {})", text(&gate.source)), theme.style(Role::Quiet)));
+    }
+    let mut lines = vec![Text::from(first)];
+    if gate.status == GateStatus::Open {
+        return lines;
+    }
+    for remark in [&gate.text, &gate.check].into_iter().filter(|remark| !remark.is_empty()) {
+        lines.push(Text::styled(format!("          {}", text(remark)), theme.style(Role::Text)));
+    }
+    if gate.status == GateStatus::Invisible && gate.text.is_empty() {
+        lines.push(Text::styled("          never on the bus", theme.style(Role::Quiet)));
+    }
+    lines
+}
+
+/// Why there are no gates.
+fn nothing(subject: &Subject<'_>) -> String {
+    if subject.node.assigned().is_none() {
+        return format!(
+            "its set points are not known: no profile is assigned to it (--node {}=PROFILE)",
+            subject.node.id()
+        );
+    }
+    match (subject.lost(), subject.node.set_points().next()) {
+        (Some((lost, again)), _) => format!(
+            "no set point since its start; it lost {lost} values written by SDO, {again} were written again"
+        ),
+        (None, None) => "no set point seen yet".to_owned(),
+        (None, Some(_)) => "its profile names no gates".to_owned(),
+    }
+}

@@ -1,0 +1,489 @@
+//! Nodes: a row each, with what they are commanded to do, do, and why they do not; as of the cursor.
+//!
+//! ```text
+//! ID/hex Name     Device  NMT   State        Set → actual                    Eff Alive      Errors
+//!   – –  PLC      master  –     –            SYNC 10.0 ms, jitter max 4.2    –   guards 2,5 –
+//!   1 01 rotator  MD2 amp OPER  c1 ACTIVE    c1 +24.0 % → no actual          yes HB 0.4/1.0 2311 12s
+//!                               c2 FAULT     c2 +10.0 %                      NO  R stuck
+//!  32 20 boom     PVEA    OPER  FAULT HOLD   spool +37.5 % → 0.0 %           NO  rx 0.1     8305 41s
+//! SA 80  boom2    PVEA    J1939 EXTEND       flow +42.0 % → +41 %            yes AVC .1/.25 –
+//!   ? –  444      orphan  –     10.0 ms      since 3.110 s, no known reader  –   rx 0.0     –
+//! ──────────────────────────────────────────────────────────────────────────────────────────────────
+//! node 32/20 boom · PVEA …                            what there is to say of the selected row
+//! ```
+
+mod detail;
+mod gates;
+mod line;
+mod node;
+mod others;
+mod values;
+
+use cobscope_decoder::profile::{PdoDirection, Role as FieldRole};
+use cobscope_decoder::replay::World;
+use cobscope_decoder::session::Bus;
+use cobscope_decoder::sink::escape;
+use cobscope_decoder::wire::NodeId;
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ratatui::style::Style;
+
+use self::line::{Key, Line, Shown};
+use self::node::Subject;
+use super::Pane;
+use crate::app::{Action, Core, Effect, NodeKey, PaneId, SignalKey};
+use crate::theme::{Glyph, Role};
+use crate::widgets::draw;
+use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};
+use crate::widgets::text_lines::TextLines;
+
+/// Column of whether set points act.
+const EFFECT: usize = 6;
+/// Column of set points.
+const VALUES: usize = 5;
+/// Lines below the table at least, and how high the pane must be to have them.
+const DETAIL: (u16, u16) = (6, 14);
+/// Columns of the screen set points need before others go.
+const LEAST_VALUES: u16 = 19;
+/// Width from which columns are wider.
+const WIDE: u16 = 124;
+/// Width below which they are narrower.
+const NARROW: u16 = 96;
+
+/// In which order rows stand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+enum Order {
+    /// By number, the master first.
+    #[default]
+    Number,
+    /// Errors, no effect, silent, others.
+    Worst,
+    /// By name.
+    Name,
+    /// By device.
+    Device,
+}
+
+impl Order {
+    const fn next(self) -> Self {
+        match self {
+            Self::Number => Self::Worst,
+            Self::Worst => Self::Name,
+            Self::Name => Self::Device,
+            Self::Device => Self::Number,
+        }
+    }
+
+    const fn words(self) -> &'static str {
+        match self {
+            Self::Number => "sorted by number",
+            Self::Worst => "sorted by what is worst: errors, no effect, silent, others",
+            Self::Name => "sorted by name",
+            Self::Device => "sorted by device",
+        }
+    }
+}
+
+/// The table of nodes.
+#[derive(Debug)]
+pub struct Nodes {
+    order: Order,
+    /// The selected row by what it is of, and its place, where that is gone.
+    key: Option<Key>,
+    place: usize,
+    column: usize,
+    /// First line of the gates that is shown, while they are.
+    gates: Option<usize>,
+}
+
+/// Enter shows the gates at once: why a node does not do what it should is asked first.
+impl Default for Nodes {
+    fn default() -> Self {
+        Self { order: Order::default(), key: None, place: 0, column: EFFECT, gates: None }
+    }
+}
+
+fn columns(width: u16) -> Vec<Column> {
+    let wide = |narrow, normal, wide| {
+        Width::Fixed(match width {
+            ..NARROW => narrow,
+            WIDE.. => wide,
+            _ => normal,
+        })
+    };
+    vec![
+        Column::new("ID/hex", Width::Fixed(6)).right(),
+        Column::new("Name", wide(8, 8, 14)).priority(8),
+        Column::new("Device", wide(7, 7, 10)).priority(1),
+        Column::new("NMT", Width::Fixed(6)).priority(6),
+        Column::new("State", wide(12, 16, 22)),
+        Column::new("Set → actual", Width::Min(LEAST_VALUES)),
+        Column::new("Eff", Width::Fixed(3)),
+        Column::new("Alive", Width::Fixed(10)),
+        Column::new("Errors", wide(8, 9, 22)),
+    ]
+}
+
+impl Nodes {
+    fn lines(&self, core: &Core) -> Vec<Line> {
+        let Some(world) = core.world() else { return Vec::new() };
+        let mut all = Vec::new();
+        for bus in world.buses() {
+            let lines = self.of_bus(core, world, bus);
+            if world.buses().len() > 1 && !lines.is_empty() {
+                let mut head = Line::new(Key::Bus(bus.index()));
+                head.name = escape(bus.name()).into_owned();
+                all.push(head);
+            }
+            all.extend(lines);
+        }
+        all
+    }
+
+    fn of_bus(&self, core: &Core, world: &World, bus: &Bus) -> Vec<Line> {
+        let now = core.time();
+        let mut blocks: Vec<Vec<Line>> =
+            others::master(world, bus).into_iter().map(|line| vec![line]).collect();
+        for node in bus.nodes() {
+            if node.last_seen().0 != 0 || node.assigned().is_some() || node.name().is_some() {
+                blocks.push(Subject::new(world, bus, node, now).lines());
+            }
+        }
+        blocks.extend(others::orphans(world, bus, now).into_iter().map(|line| vec![line]));
+        // Outputs of a node stay together.
+        match self.order {
+            Order::Number => {}
+            Order::Worst => blocks.sort_by_key(|lines| lines.iter().map(|line| line.grade).min()),
+            Order::Name => blocks.sort_by_key(|lines| first(lines, |line| &line.name)),
+            Order::Device => blocks.sort_by_key(|lines| first(lines, |line| &line.device)),
+        }
+        blocks.into_iter().flatten().collect()
+    }
+
+    /// Place of the selected row.
+    fn selected(&self, lines: &[Line]) -> usize {
+        let at = match self.key {
+            Some(key) => {
+                let own = lines.iter().position(|line| line.key == key);
+                // Its outputs may be rows of their own by now.
+                let same = |line: &Line| key.node().is_some() && line.key.node() == key.node();
+                own.or_else(|| lines.iter().position(same))
+            }
+            // Nothing was selected yet: the first node.
+            None => lines.iter().position(|line| line.key.node().is_some()),
+        };
+        at.unwrap_or(self.place).min(lines.len().saturating_sub(1))
+    }
+
+    fn select(&mut self, lines: &[Line], place: usize) -> Vec<Effect> {
+        self.place = place.min(lines.len().saturating_sub(1));
+        self.key = lines.get(self.place).map(|line| line.key);
+        self.key.and_then(Key::node).map(Effect::Node).into_iter().collect()
+    }
+
+    /// The selected row's key.
+    fn chosen(&self, core: &Core) -> Option<Key> {
+        let lines = self.lines(core);
+        lines.get(self.selected(&lines)).map(|line| line.key)
+    }
+
+    fn state(&self, lines: &[Line]) -> TableState {
+        TableState { selected: self.selected(lines), column: self.column, ..TableState::default() }
+    }
+
+    fn open(&mut self, core: &Core) -> Vec<Effect> {
+        let Some(key) = self.chosen(core) else { return Vec::new() };
+        let Some(node) = key.node() else {
+            return match key {
+                Key::Orphan(_, id) => to_events(core, None, format!("id == 0x{:X}", id.number())),
+                _ => Vec::new(),
+            };
+        };
+        if self.column == EFFECT {
+            self.gates = Some(0);
+            return vec![Effect::Node(node)];
+        }
+        to_events(core, Some(node), filter_of(core, node))
+    }
+
+    fn plot(&self, core: &Core) -> Vec<Effect> {
+        let signals = self.chosen(core).map_or_else(Vec::new, |key| signals(core, key));
+        if signals.is_empty() {
+            return vec![Effect::Refuse(
+                "it has no set point and no actual value that could be plotted".into(),
+            )];
+        }
+        signals.into_iter().map(Effect::Plot).collect()
+    }
+
+    fn scroll_gates(&mut self, action: Action, core: &Core) -> Vec<Effect> {
+        let Some(scroll) = &mut self.gates else { return Vec::new() };
+        let page = usize::from(core.height.saturating_sub(4)).max(1);
+        match action {
+            Action::Down => *scroll += 1,
+            Action::Up => *scroll = scroll.saturating_sub(1),
+            Action::PageDown => *scroll += page,
+            Action::PageUp => *scroll = scroll.saturating_sub(page),
+            Action::Back | Action::Open => {
+                self.gates = None;
+                // Something must come of it, or the pane before is shown.
+                let node = self.key.and_then(Key::node).or(core.node);
+                return node.map(Effect::Node).into_iter().collect();
+            }
+            _ => {}
+        }
+        Vec::new()
+    }
+
+    fn draw_detail(&self, core: &Core, line: Option<&Line>, area: Rect, buf: &mut Buffer) {
+        let theme = &core.theme;
+        let rule = theme.glyph(Glyph::Horizontal).repeat(usize::from(area.width));
+        draw::put(buf, area.x, area.y, area.width, &rule, theme.style(Role::Border));
+        let below = Rect { y: area.y + 1, height: area.height.saturating_sub(1), ..area };
+        let subject = line.and_then(|line| line.key.node()).and_then(|node| subject(core, node));
+        let Some(subject) = subject else { return };
+        let channel = line.and_then(|line| channel_of(line.key));
+        let lines = detail::of_node(core, &subject, channel);
+        TextLines::new(theme, &lines).render(below, buf);
+    }
+
+    fn row(core: &Core, line: &Line, room: u16) -> Row<'static> {
+        let theme = &core.theme;
+        let cell = |shown: &Shown| Cell::new(shown.text.clone(), theme.style(shown.role));
+        if let Key::Bus(_) = line.key {
+            let title = Cell::new(line.name.clone(), theme.style(Role::Title));
+            return Row::new([Cell::default(), title]);
+        }
+        let quiet = theme.style(Role::Quiet);
+        let values = line.values.fit(room, theme.glyph(Glyph::Arrow));
+        let is_remark = line.values.pairs.is_empty() && line.key.node().is_none();
+        let style = if is_remark { quiet } else { Style::new() };
+        Row::new([
+            line.id.clone().into(),
+            line.name.clone().into(),
+            Cell::new(line.device.clone(), if line.key.node().is_none() { quiet } else { Style::new() }),
+            cell(&line.nmt),
+            cell(&line.state),
+            Cell::new(values, style),
+            cell(&line.effect()),
+            cell(&line.alive),
+            cell(&line.errors),
+        ])
+    }
+}
+
+impl Pane for Nodes {
+    fn render(&self, core: &Core, area: Rect, buf: &mut Buffer) {
+        let lines = self.lines(core);
+        let (table, below) = split(area, lines.len());
+        let columns = columns(area.width);
+        let scrolls = u16::from(lines.len() > Table::height(table));
+        let room = room(&columns, table.width - scrolls.min(table.width));
+        let state = self.state(&lines);
+        let row =
+            |index: usize| lines.get(index).map_or_else(Row::default, |line| Self::row(core, line, room));
+        let doubt = core.world().and_then(|world| world.buses().iter().find_map(Bus::doubt));
+        let empty = match (core.world(), doubt) {
+            (None, _) => "reading …".to_owned(),
+            (Some(_), Some(doubt)) => format!("no node: {doubt}"),
+            (Some(_), None) => "no node heard yet".to_owned(),
+        };
+        let drawn = Table::new(&core.theme, &columns).row_count(lines.len()).rows(row).state(&state);
+        drawn.empty(&empty).render(table, buf);
+        if !below.is_empty() {
+            self.draw_detail(core, lines.get(state.selected), below, buf);
+        }
+        let chosen = self.gates.zip(lines.get(state.selected));
+        if let Some((scroll, line)) = chosen
+            && let Some(subject) = line.key.node().and_then(|node| subject(core, node))
+        {
+            gates::draw(core, &subject, channel_of(line.key), scroll, area, buf);
+        }
+    }
+
+    fn act(&mut self, action: Action, core: &Core) -> Vec<Effect> {
+        if self.gates.is_some() {
+            return self.scroll_gates(action, core);
+        }
+        let lines = self.lines(core);
+        let at = self.selected(&lines);
+        let page = usize::from(core.height.saturating_sub(DETAIL.0 + 2)).max(1);
+        match action {
+            Action::Down => self.select(&lines, at + 1),
+            Action::Up => self.select(&lines, at.saturating_sub(1)),
+            Action::PageDown => self.select(&lines, at + page),
+            Action::PageUp => self.select(&lines, at.saturating_sub(page)),
+            Action::Top => self.select(&lines, 0),
+            Action::Bottom => self.select(&lines, usize::MAX),
+            Action::Left => {
+                self.column = self.column.saturating_sub(1);
+                Vec::new()
+            }
+            Action::Right => {
+                self.column = (self.column + 1).min(columns(0).len() - 1);
+                Vec::new()
+            }
+            Action::Sort => {
+                self.key = lines.get(at).map(|line| line.key);
+                self.order = self.order.next();
+                vec![Effect::Say(self.order.words().into())]
+            }
+            Action::Open => self.open(core),
+            Action::Plot => self.plot(core),
+            _ => Vec::new(),
+        }
+    }
+
+    fn click(&mut self, x: u16, y: u16, area: Rect, core: &Core) -> Vec<Effect> {
+        if self.gates.take().is_some() {
+            return Vec::new();
+        }
+        let lines = self.lines(core);
+        let (inside, _) = split(area, lines.len());
+        let (columns, state) = (columns(area.width), self.state(&lines));
+        let table = Table::new(&core.theme, &columns).row_count(lines.len());
+        if let Some(column) = table.column_at(inside, x) {
+            self.column = column;
+        }
+        table.row_at(inside, y, &state).map_or_else(Vec::new, |row| self.select(&lines, row))
+    }
+
+    fn offer(&mut self, effect: &Effect, _core: &Core) {
+        if let Effect::Node((bus, node)) = effect
+            && self.key.and_then(Key::node) != Some((*bus, *node))
+        {
+            self.key = Some(Key::Node(*bus, *node, None));
+        }
+    }
+
+    fn actions(&self) -> &'static [Action] {
+        if self.gates.is_some() {
+            return &[Action::Back, Action::Down, Action::Up];
+        }
+        &[
+            Action::Open,
+            Action::Sort,
+            Action::Plot,
+            Action::FilterCell,
+            Action::NextFinding,
+            Action::NextError,
+            Action::GoTo,
+        ]
+    }
+
+    fn filter_of_cell(&self, core: &Core) -> Option<String> {
+        match self.chosen(core)? {
+            Key::Node(bus, node, _) => Some(filter_of(core, (bus, node))),
+            Key::Orphan(_, id) => Some(format!("id == 0x{:X}", id.number())),
+            Key::Master(_) => Some("kind in {\"nmt-command\", \"sync\", \"guard-request\"}".into()),
+            Key::Bus(index) => {
+                let bus = core.world()?.buses().iter().find(|bus| bus.index() == index)?;
+                Some(format!("bus == {:?}", bus.name()))
+            }
+        }
+    }
+
+    fn line(&self, core: &Core) -> Option<String> {
+        let lines = self.lines(core);
+        let line = lines.get(self.selected(&lines))?;
+        let values = line.values.fit(u16::MAX, core.theme.glyph(Glyph::Arrow));
+        let cells = [
+            line.id.as_str(),
+            &line.name,
+            &line.device,
+            &line.nmt.text,
+            &line.state.text,
+            &values,
+            &line.effect().text,
+            &line.alive.text,
+            &line.errors.text,
+        ];
+        Some(cells.join("  "))
+    }
+}
+
+fn first(lines: &[Line], text: impl Fn(&Line) -> &String) -> (bool, String) {
+    let text = lines.first().map_or_else(String::new, |line| text(line).to_lowercase());
+    (text.is_empty(), text)
+}
+
+fn channel_of(key: Key) -> Option<u8> {
+    match key {
+        Key::Node(_, _, channel) => channel,
+        _ => None,
+    }
+}
+
+/// The table, and what is below it where there is room: all that rows leave.
+fn split(area: Rect, rows: usize) -> (Rect, Rect) {
+    let (least, wanted) = DETAIL;
+    if area.height < wanted {
+        return (area, Rect::ZERO);
+    }
+    // The titles and a line between.
+    let needed = draw::cells(rows).saturating_add(2);
+    let below = area.height.saturating_sub(needed).max(least);
+    let table = Rect { height: area.height - below, ..area };
+    (table, Rect { y: table.bottom(), height: below, ..area })
+}
+
+/// Columns of the screen that set points have.
+fn room(columns: &[Column], width: u16) -> u16 {
+    Table::width_of(columns, VALUES, width)
+}
+
+fn subject(core: &Core, (index, id): NodeKey) -> Option<Subject<'_>> {
+    let world = core.world()?;
+    let bus = world.buses().iter().find(|bus| bus.index() == index)?;
+    Some(Subject::new(world, bus, bus.node(id)?, core.time()))
+}
+
+/// The filter that shows what is of a node; with its bus where there are several.
+fn filter_of(core: &Core, (index, id): NodeKey) -> String {
+    let node = match id {
+        NodeId::Canopen(id) => format!("node == {id}"),
+        NodeId::J1939(address) => format!("source_address == 0x{address:02X}"),
+    };
+    let buses = core.world().map_or(&[][..], World::buses);
+    match buses.iter().find(|bus| bus.index() == index).filter(|_| buses.len() > 1) {
+        Some(bus) => format!("{node} && bus == {:?}", bus.name()),
+        None => node,
+    }
+}
+
+/// To the events of something; a filter the user has set stays.
+fn to_events(core: &Core, node: Option<NodeKey>, filter: String) -> Vec<Effect> {
+    let mut effects: Vec<Effect> = node.map(Effect::Node).into_iter().collect();
+    effects.push(Effect::Show(PaneId::Events));
+    if core.filter.is_empty() {
+        effects.push(Effect::Say(format!("filter {filter}; c shows all events again")));
+        effects.push(Effect::Filter(filter));
+    }
+    effects
+}
+
+/// Set points and actual values of a row, to be plotted.
+fn signals(core: &Core, key: Key) -> Vec<SignalKey> {
+    let Some(subject) = key.node().and_then(|node| subject(core, node)) else { return Vec::new() };
+    let roles = [(FieldRole::SetPoint, PdoDirection::Receive), (FieldRole::Actual, PdoDirection::Transmit)];
+    let mut signals = Vec::new();
+    for (role, direction) in roles {
+        for (row, place, _) in values::fields(&subject.rows, role, direction) {
+            let Some(layout) = &row.layout else { continue };
+            let meaning = layout.fields.get(place).and_then(|field| field.meaning.as_deref());
+            let Some(meaning) = meaning else { continue };
+            if channel_of(key).is_some() && meaning.channel.is_some() && meaning.channel != channel_of(key) {
+                continue;
+            }
+            signals.push(SignalKey {
+                bus: row.bus,
+                id: row.id,
+                field: place,
+                name: escape(&meaning.name).into_owned(),
+                unit: escape(&meaning.unit).into_owned(),
+                layout: layout.clone(),
+            });
+        }
+    }
+    signals
+}

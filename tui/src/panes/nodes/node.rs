@@ -1,0 +1,301 @@
+//! Rows of one node.
+
+use cobscope_decoder::event::{BootCause, Certainty, Effective};
+use cobscope_decoder::frame::Timestamp;
+use cobscope_decoder::profile::{Role as FieldRole, bit_words, word};
+use cobscope_decoder::replay::{Code, LatestOfNode, Start, World};
+use cobscope_decoder::session::{Bus, GateState, GateStatus, Node, OriginKind, Watch};
+use cobscope_decoder::sink::escape;
+use cobscope_decoder::statistics::IdentifierRow;
+use cobscope_decoder::wire::NodeId;
+use cobscope_decoder::wire::canopen::NmtState;
+
+use super::line::{Grade, Key, Line, Shown, age, limit, seconds};
+use super::values::{Values, signals};
+use crate::theme::Role;
+
+/// A node with all that is asked of it.
+pub struct Subject<'a> {
+    /// Its bus.
+    pub bus: &'a Bus,
+    /// The node.
+    pub node: &'a Node,
+    /// Time at the cursor.
+    pub now: Option<Timestamp>,
+    /// What happened last to it.
+    pub latest: Option<&'a LatestOfNode>,
+    /// What its identifiers brought since it started.
+    pub rows: Vec<&'a IdentifierRow>,
+    gates: Vec<GateState>,
+}
+
+impl<'a> Subject<'a> {
+    /// Gathers what is known of a node.
+    pub fn new(world: &'a World, bus: &'a Bus, node: &'a Node, now: Option<Timestamp>) -> Self {
+        let started = node.started().map_or(0, |(frame, _)| frame);
+        let rows = world.identifiers().rows().iter();
+        let rows = rows.filter(|row| row.bus == bus.index() && row.last_frame > started && !row.is_remote);
+        let is_own = |row: &&IdentifierRow| {
+            row.node == Some(node.id()) || bus.awaited(row.id).is_some_and(|(id, _)| id == node.id())
+        };
+        Self {
+            bus,
+            node,
+            now,
+            latest: world.latest().of(bus.index(), node.id()),
+            rows: rows.filter(is_own).collect(),
+            gates: bus.gates(node.id()),
+        }
+    }
+
+    /// Its rows: one, or one for each output in use.
+    pub fn lines(&self) -> Vec<Line> {
+        let channels = self.channels();
+        if channels.is_empty() {
+            return vec![self.line(None, true)];
+        }
+        let lines = channels.iter().enumerate();
+        lines.map(|(nth, channel)| self.line(Some(*channel), nth == 0)).collect()
+    }
+
+    /// Outputs of which a set point was seen, or a state in which one acts or could not.
+    fn channels(&self) -> Vec<u8> {
+        let mut all: Vec<u8> = self.node.set_points().filter_map(|point| point.meaning.channel).collect();
+        let states = self.node.device_states().filter(|(_, state)| state.active || state.fault);
+        all.extend(states.filter_map(|(channel, _)| channel));
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
+
+    fn line(&self, channel: Option<u8>, is_first: bool) -> Line {
+        let mut line = Line::new(Key::Node(self.bus.index(), self.node.id(), channel));
+        if is_first {
+            line.id = number(self.node.id());
+            line.name = self.node.name().map_or_else(String::new, |name| escape(name).into_owned());
+            line.device = self.node.device_title().map_or_else(String::new, |it| escape(it).into_owned());
+            line.nmt = self.nmt();
+            line.alive = self.alive();
+            line.errors = self.errors();
+        } else {
+            line.nmt = Shown::new("", Role::Quiet);
+            line.alive = Shown::new("", Role::Quiet);
+            line.errors = Shown::new("", Role::Quiet);
+        }
+        line.state = self.state(channel);
+        line.values = self.values(channel);
+        line.effective = self.effective(channel);
+        if self.is_reset_held(channel) {
+            // In the row of a further output nothing else stands there.
+            if is_first {
+                line.values.remark = "R stuck".into();
+            } else {
+                line.alive = Shown::new("R stuck", Role::Bad);
+            }
+        } else if line.effective == Some(Effective::No) && line.values.remark.is_empty() {
+            line.values.remark =
+                self.closed(channel).map_or_else(String::new, |gate| format!("needs {gate}"));
+        }
+        line.grade = match () {
+            () if line.errors.role == Role::Bad || line.state.role == Role::Bad => Grade::Error,
+            () if line.effective == Some(Effective::No) => Grade::NoEffect,
+            () if line.alive.role == Role::Bad => Grade::Silent,
+            () => Grade::Others,
+        };
+        line
+    }
+
+    fn nmt(&self) -> Shown {
+        let Some(nmt) = self.node.nmt() else {
+            return match self.node.id() {
+                NodeId::J1939(_) => Shown::new("J1939", Role::Quiet),
+                NodeId::Canopen(_) => Shown::new("?", Role::Caution),
+            };
+        };
+        let (word, role) = match nmt.state {
+            NmtState::Operational => ("OPER", Role::Good),
+            NmtState::PreOperational => ("PREOP", Role::Caution),
+            NmtState::Stopped => ("STOP", Role::Caution),
+            NmtState::Initialising => ("INIT", Role::Caution),
+        };
+        let doubt = if nmt.certainty == Certainty::Presumed { "?" } else { "" };
+        Shown::new(format!("{word}{doubt}"), role)
+    }
+
+    /// Places of the machines of an output.
+    fn machines(&self, channel: Option<u8>) -> impl Iterator<Item = usize> {
+        let machines = self.node.device().machines.iter().enumerate();
+        machines.filter(move |(_, it)| channel.is_none() || it.channel == channel).map(|(place, _)| place)
+    }
+
+    fn state(&self, channel: Option<u8>) -> Shown {
+        let procedures: Vec<_> =
+            self.node.procedures().map(|it| it.word.clone().unwrap_or_else(|| it.name.clone())).collect();
+        let reported =
+            self.machines(channel).find_map(|place| Some((place, self.node.reported_state(place)?)));
+        let Some((place, state)) = reported else {
+            let text = procedures.first().cloned().or_else(|| self.status()).or_else(|| self.rebooted());
+            return text.map_or_else(Shown::default, |text| Shown::new(escape(&text), Role::Text));
+        };
+        let mut text = channel.map_or(String::new(), |channel| format!("c{channel} "));
+        text.push_str(&state.name);
+        if let Some(wanted) = self.node.commanded_state(place).filter(|wanted| wanted.name != state.name) {
+            text = format!("{text}→{}", wanted.name);
+        } else if let Some(mode) = self.mode() {
+            text = format!("{text} {mode}");
+        }
+        for procedure in procedures {
+            text = format!("{text}, {procedure}");
+        }
+        let role = match state {
+            state if state.fault => Role::Bad,
+            state if state.active => Role::Good,
+            _ => Role::Text,
+        };
+        Shown::new(escape(&text), role)
+    }
+
+    /// First word of the mode that decides what its PDOs mean.
+    fn mode(&self) -> Option<String> {
+        let modes = self.node.store().sorted();
+        let deciding = &self.node.device().deciding;
+        let of_one = |object| {
+            let meaning = self.node.meaning(object)?;
+            let is_mode = meaning.role == Some(FieldRole::Mode) && deciding.contains(&object);
+            let entry = self.node.store().seen(object).filter(|_| is_mode && meaning.channel.is_none())?;
+            let label = meaning.label(&meaning.decode(&entry.value))?.to_owned();
+            let (first, _) = label.split_once(',')?;
+            Some(first.to_owned())
+        };
+        modes.into_iter().find_map(|(object, _)| of_one(object))
+    }
+
+    /// What its status word says, where it has no state machine.
+    fn status(&self) -> Option<String> {
+        let mut words = Vec::new();
+        for (signal, meaning) in signals(&self.rows, FieldRole::Status) {
+            let named = meaning.bits.as_deref().zip(word(&signal.value));
+            words.extend(named.map_or_else(Vec::new, |(bits, word)| bit_words(bits, word)));
+        }
+        (!words.is_empty()).then(|| words.join(", "))
+    }
+
+    /// It started although nobody told it to, while it was there before.
+    fn rebooted(&self) -> Option<String> {
+        let start = self.latest?.start()?;
+        let is_again = (1..start.frame).contains(&self.node.first_seen());
+        let is_own = matches!(start.cause, BootCause::PresumedPowerOn { .. });
+        (is_again && is_own).then(|| "rebooted".to_owned())
+    }
+
+    /// Settings that its last start lost, and how many were written again.
+    pub fn lost(&self) -> Option<(u32, usize)> {
+        let Start { frame, lost, .. } = self.latest?.start()?;
+        let all = self.node.store().sorted();
+        let again = all
+            .iter()
+            .filter(|(_, entry)| entry.origin.kind == OriginKind::Download && entry.origin.frame > frame);
+        let again = again.count();
+        (usize::try_from(lost).unwrap_or(usize::MAX) > again).then_some((lost, again))
+    }
+
+    fn values(&self, channel: Option<u8>) -> Values {
+        let mut values = Values::of(self.node, channel, &self.rows);
+        if let Some((lost, again)) = self.lost() {
+            let again = if again == 0 { String::new() } else { format!(", {again} written again") };
+            values.remark = format!("{lost} SDO settings lost (RAM){again}");
+            values.brief = format!("{lost} settings lost");
+        }
+        values
+    }
+
+    /// Gates of the set points of an output.
+    pub fn gates(&self, channel: Option<u8>) -> impl Iterator<Item = &GateState> {
+        let points = self.node.set_points().filter(move |point| {
+            channel.is_none() || point.meaning.channel.is_none() || point.meaning.channel == channel
+        });
+        let objects: Vec<_> = points.map(|point| point.meaning.object).collect();
+        self.gates.iter().filter(move |gate| objects.contains(&gate.set_point))
+    }
+
+    fn effective(&self, channel: Option<u8>) -> Option<Effective> {
+        let Some(any) = self.node.set_points().next() else {
+            return self.lost().map(|_| Effective::No);
+        };
+        let has = |status| self.gates(channel).any(|gate| gate.status == status);
+        Some(match () {
+            () if has(GateStatus::Closed) => Effective::No,
+            () if self.gates(channel).next().is_none() => any.effective,
+            () if has(GateStatus::Unknown) => Effective::Unknown,
+            () => Effective::Yes,
+        })
+    }
+
+    /// The first gate that is closed.
+    fn closed(&self, channel: Option<u8>) -> Option<String> {
+        let gate = self.gates(channel).find(|gate| gate.status == GateStatus::Closed)?;
+        Some(escape(&gate.gate).into_owned())
+    }
+
+    fn is_reset_held(&self, channel: Option<u8>) -> bool {
+        self.machines(channel).any(|place| self.node.is_reset_held(place, self.bus.now()))
+    }
+
+    fn alive(&self) -> Shown {
+        let Some(sign) = self.bus.sign_of_life(self.node.id()) else {
+            return Shown::new("never", Role::Caution);
+        };
+        let Some(past) = self.past(self.bus.stamp_of(sign.last)) else { return Shown::default() };
+        let expected = sign.expected.map_or(String::new(), |expected| format!("/{}", limit(expected)));
+        let text = match &sign.by {
+            Watch::Heartbeat => format!("HB {}{expected}", seconds(past)),
+            Watch::Guarding => format!("GD {}{expected}", seconds(past)),
+            Watch::Message(name) => {
+                let short = |text: &str| text.strip_prefix('0').unwrap_or(text).to_owned();
+                let expected = sign.expected.map_or(String::new(), |it| format!("/{}", short(&limit(it))));
+                format!("{} {}{expected}", escape(name), short(&seconds(past)))
+            }
+            Watch::Boot => format!("boot {}", seconds(past)),
+            Watch::Any => format!("rx {}", seconds(past)),
+        };
+        let is_past = |limit: Option<i64>| limit.is_some_and(|limit| past > limit);
+        let role = match () {
+            () if self.node.is_lost() || is_past(sign.limit) => Role::Bad,
+            // Late, but not lost yet.
+            () if is_past(sign.expected.map(|expected| expected.saturating_mul(3) / 2)) => Role::Caution,
+            () => Role::Text,
+        };
+        Shown::new(text, role)
+    }
+
+    /// Nanoseconds from a time to the cursor.
+    pub fn past(&self, time: Option<Timestamp>) -> Option<i64> {
+        Some(self.now?.since(time?))
+    }
+
+    fn errors(&self) -> Shown {
+        let codes = self.node.active_errors().iter().map(|code| (Code::Emcy(*code), format!("{code:04X}")));
+        let dtcs = self.node.active_dtcs();
+        let dtcs = dtcs.map(|(spn, fmi)| (Code::Dtc(spn, fmi), format!("{spn}/{fmi}")));
+        // The latest first: there may be no room for more than one.
+        let mut all: Vec<_> = codes.chain(dtcs).collect();
+        all.reverse();
+        let mut words = Vec::new();
+        for (code, name) in &all {
+            let past = self.past(self.latest.and_then(|latest| latest.raised(*code)));
+            words.push(past.map_or(name.clone(), |past| format!("{name} {}", age(past))));
+        }
+        if let Some((lost, _)) = self.lost() {
+            words.push(format!("{lost} lost"));
+        }
+        if words.is_empty() { Shown::default() } else { Shown::new(words.join(", "), Role::Bad) }
+    }
+}
+
+/// `  1 01`, `SA 80`.
+pub fn number(id: NodeId) -> String {
+    match id {
+        NodeId::Canopen(id) => format!("{id} {id:02X}"),
+        NodeId::J1939(address) => format!("SA {address:02X}"),
+    }
+}

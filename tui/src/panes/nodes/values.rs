@@ -1,0 +1,256 @@
+//! Set points beside the values that follow them, in as much room as there is.
+//!
+//! ```text
+//! p 125.0→124.2 bar/250  angle +50.0→+49.4 %      all of it
+//! p 125.0→124.2 bar angle +50.0→+49.4 %
+//! p 125→124bar angle +50→+49%                     without digits behind the point
+//! p 125→124 angle +50→+49
+//! ```
+
+use std::fmt::Write as _;
+
+use cobscope_decoder::profile::{Layout, Meaning, PdoDirection, Role, Signal};
+use cobscope_decoder::session::{Node, StandingPoint};
+use cobscope_decoder::sink::escape;
+use cobscope_decoder::statistics::IdentifierRow;
+use cobscope_decoder::wire::canopen::ObjectAddress;
+
+use crate::widgets::draw;
+
+/// What stands in the column.
+#[derive(Debug, Clone, Default)]
+pub struct Values {
+    /// Set points and actual values.
+    pub pairs: Vec<Pair>,
+    /// Said instead of values, or behind them.
+    pub remark: String,
+    /// The same where there is little room.
+    pub brief: String,
+}
+
+/// A set point, and the value that follows it.
+#[derive(Debug, Clone, Default)]
+pub struct Pair {
+    object: Option<ObjectAddress>,
+    short: String,
+    set: Option<Number>,
+    actual: Option<Number>,
+    /// Value of the full scale, where an object holds it.
+    full_scale: Option<f64>,
+}
+
+#[derive(Debug, Clone)]
+struct Number {
+    text: String,
+    unit: String,
+    is_assumed: bool,
+}
+
+impl Number {
+    fn new(text: &str, meaning: &Meaning, is_assumed: bool) -> Self {
+        let unit = meaning.unit.as_str();
+        let plain = text.strip_suffix(unit).filter(|_| !unit.is_empty()).map(str::trim_end);
+        Self {
+            text: escape(plain.unwrap_or(text)).into_owned(),
+            unit: if plain.is_some() { escape(unit).into_owned() } else { String::new() },
+            is_assumed,
+        }
+    }
+
+    /// Without digits behind the point.
+    fn rounded(&self) -> String {
+        let sign = if self.text.starts_with('+') { "+" } else { "" };
+        let Ok(number) = self.text.parse::<f64>() else { return self.text.clone() };
+        match format!("{number:.0}").as_str() {
+            "0" | "-0" => "0".to_owned(),
+            number => format!("{sign}{number}"),
+        }
+    }
+
+    fn doubt(&self) -> &'static str {
+        if self.is_assumed { "?" } else { "" }
+    }
+}
+
+/// How much is left out.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd)]
+enum Brevity {
+    Full,
+    Close,
+    Rounded,
+    Unitless,
+    Nameless,
+}
+
+impl Values {
+    /// Those of an output of a node; of all where it has but one.
+    pub fn of(node: &Node, channel: Option<u8>, rows: &[&IdentifierRow]) -> Self {
+        let mut pairs: Vec<Pair> = Vec::new();
+        for point in node.set_points().filter(|point| is_of(channel, point.meaning.channel)) {
+            pairs.push(Pair::set(&point));
+        }
+        for (signal, meaning) in actuals(rows).filter(|(_, meaning)| is_of(channel, meaning.channel)) {
+            let is_assumed = meaning.assumed;
+            let number = Number::new(&meaning.signed(&signal.value), meaning, is_assumed);
+            let followed = pairs.iter_mut().find(|pair| pair.follows(meaning) && pair.actual.is_none());
+            match followed {
+                Some(pair) => pair.actual = Some(number),
+                None => pairs.push(Pair { short: short(meaning), actual: Some(number), ..Pair::default() }),
+            }
+        }
+        pairs.iter_mut().for_each(Pair::align_signs);
+        Self { pairs, ..Self::default() }
+    }
+
+    /// Says something instead of values.
+    pub fn remark(text: impl Into<String>, brief: impl Into<String>) -> Self {
+        Self { pairs: Vec::new(), remark: text.into(), brief: brief.into() }
+    }
+
+    /// As much as fits; the remark goes before digits and names, but values before the remark.
+    pub fn fit(&self, width: u16, arrow: &str) -> String {
+        if self.pairs.is_empty() {
+            let is_long = draw::width(&self.remark) > width && !self.brief.is_empty();
+            return if is_long { self.brief.clone() } else { self.remark.clone() };
+        }
+        let all = [Brevity::Full, Brevity::Close, Brevity::Rounded, Brevity::Unitless, Brevity::Nameless];
+        let texts = all.map(|brevity| self.text(brevity, arrow));
+        let fits = |text: &&String| draw::width(text) <= width;
+        if !self.remark.is_empty() {
+            let remarked = texts.each_ref().map(|text| format!("{text}  {}", self.remark));
+            if let Some(text) = remarked.iter().find(fits) {
+                return text.clone();
+            }
+        }
+        let [.., shortest] = &texts;
+        texts.iter().find(fits).unwrap_or(shortest).clone()
+    }
+
+    fn text(&self, brevity: Brevity, arrow: &str) -> String {
+        let between = if brevity == Brevity::Full { "  " } else { " " };
+        // A value that follows no set point goes first.
+        let has_set = self.pairs.iter().any(|pair| pair.set.is_some());
+        let pairs =
+            self.pairs.iter().filter(|pair| pair.set.is_some() || brevity == Brevity::Full || !has_set);
+        let pairs: Vec<_> = pairs.collect();
+        let words: Vec<_> = pairs.iter().map(|pair| pair.text(brevity, arrow, pairs.len() == 1)).collect();
+        words.join(between)
+    }
+}
+
+impl Pair {
+    fn set(point: &StandingPoint<'_>) -> Self {
+        let meaning = point.meaning;
+        let scale = meaning.scale.and_then(|scale| scale.full_scale).filter(|_| !meaning.assumed);
+        Self {
+            object: Some(meaning.object),
+            short: short(meaning),
+            set: Some(Number::new(&point.quantity.text, meaning, point.is_assumed)),
+            actual: None,
+            full_scale: scale.map(|(_, value)| value),
+        }
+    }
+
+    /// The same signs for both: one of them may never be negative and has no plus.
+    fn align_signs(&mut self) {
+        let (Some(set), Some(actual)) = (&self.set, &mut self.actual) else { return };
+        let is_positive = |text: &str| text.parse::<f64>().is_ok_and(|number| number > 0.0);
+        if set.text.starts_with('+') && is_positive(&actual.text) && !actual.text.starts_with('+') {
+            actual.text.insert(0, '+');
+        } else if is_positive(&set.text) && !set.text.starts_with('+') {
+            actual.text = actual.text.trim_start_matches('+').to_owned();
+        }
+    }
+
+    /// Whether an actual value is that of this set point: as its profile says, else by its short name.
+    fn follows(&self, meaning: &Meaning) -> bool {
+        match meaning.of {
+            Some(of) => self.object == Some(of),
+            None => self.set.is_some() && meaning.short.is_some() && self.short == short(meaning),
+        }
+    }
+
+    fn text(&self, brevity: Brevity, arrow: &str, is_alone: bool) -> String {
+        let written = |number: &Number| match brevity {
+            Brevity::Full | Brevity::Close => number.text.clone(),
+            Brevity::Rounded | Brevity::Unitless | Brevity::Nameless => number.rounded(),
+        };
+        let blank = if brevity < Brevity::Rounded { " " } else { "" };
+        let unit = |number: &Number| match number.unit.as_str() {
+            "" => number.doubt().to_owned(),
+            _ if brevity > Brevity::Rounded => number.doubt().to_owned(),
+            unit => format!("{blank}{unit}{}", number.doubt()),
+        };
+        let mut text = String::new();
+        if brevity < Brevity::Nameless && !self.short.is_empty() {
+            let _ = write!(text, "{} ", self.short);
+        }
+        let is_roomy = is_alone && brevity == Brevity::Full;
+        match (&self.set, &self.actual) {
+            (Some(set), Some(actual)) if is_roomy || set.unit != actual.unit => {
+                let (before, behind) = (unit(set), unit(actual));
+                let _ = write!(text, "{}{before} {arrow} {}{behind}", written(set), written(actual));
+            }
+            (Some(set), Some(actual)) => {
+                let behind = unit(actual);
+                let _ = write!(text, "{}{}{arrow}{}{behind}", written(set), set.doubt(), written(actual));
+            }
+            (Some(set), None) => {
+                let _ = write!(text, "{}{}", written(set), unit(set));
+                if is_roomy {
+                    let _ = write!(text, " {arrow} no actual");
+                }
+            }
+            (None, Some(actual)) => {
+                let _ = write!(text, "{arrow}{}{}", written(actual), unit(actual));
+            }
+            (None, None) => {}
+        }
+        if let Some(scale) = self.full_scale.filter(|_| brevity == Brevity::Full) {
+            let _ = write!(text, "/{scale}");
+        }
+        text
+    }
+}
+
+/// The word for it in lines; of a device with one set point its name says no more.
+fn short(meaning: &Meaning) -> String {
+    meaning.short.as_deref().map_or_else(String::new, |short| escape(short).into_owned())
+}
+
+fn is_of(channel: Option<u8>, own: Option<u8>) -> bool {
+    channel.is_none() || own.is_none() || channel == own
+}
+
+/// Fields of a role in what identifiers brought last.
+pub fn fields<'a>(
+    rows: &'a [&'a IdentifierRow],
+    role: Role,
+    direction: PdoDirection,
+) -> impl Iterator<Item = (&'a IdentifierRow, usize, &'a Layout)> {
+    let rows = rows.iter().filter(move |row| row.pdo.is_none_or(|pdo| pdo.direction == direction));
+    let layouts = rows.filter_map(|row| Some((*row, row.layout.as_deref()?)));
+    layouts.flat_map(move |(row, layout)| {
+        let fields = layout.fields.iter().enumerate();
+        let meant =
+            fields.filter(move |(_, field)| field.meaning.as_deref().is_some_and(|it| it.role == Some(role)));
+        meant.map(move |(place, _)| (row, place, layout))
+    })
+}
+
+/// Actual values as sent last.
+fn actuals<'a>(rows: &'a [&'a IdentifierRow]) -> impl Iterator<Item = (Signal<'a>, &'a Meaning)> {
+    signals(rows, Role::Actual)
+}
+
+/// Values with a role that a node sent last.
+pub fn signals<'a>(
+    rows: &'a [&'a IdentifierRow],
+    role: Role,
+) -> impl Iterator<Item = (Signal<'a>, &'a Meaning)> {
+    fields(rows, role, PdoDirection::Transmit).filter_map(|(row, place, layout)| {
+        let signal = layout.signal(place, row.payload())?;
+        let meaning = signal.field.meaning.as_deref()?;
+        Some((signal, meaning))
+    })
+}

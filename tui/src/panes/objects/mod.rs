@@ -1,0 +1,259 @@
+//! Objects: what is known of a node's objects at the cursor, and from where.
+//!
+//! ```text
+//! node 32/20 on can0, Danfoss PVE: 4 objects at 7.204 s   x next node  / index or name
+//! Object   Name                     Value       Raw        Origin            Age    Keeps   Waits
+//! 6300:01  Spool set point          37.5 %      00 18      sent {69}         3.194
+//! 2100:00  Node-ID                  32          20         written {88}      5.2 s  stored  33 after reset node
+//! ```
+//!
+//! Below it everything about the selected one. `/` looks for index and name, also among objects as delivered.
+
+mod rows;
+
+use cobscope_decoder::wire::canopen::ObjectAddress;
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ratatui::style::Style;
+use ratatui::text::Line;
+
+use super::Pane;
+use crate::app::{Action, Core, Effect, NodeKey, Place};
+use crate::theme::Role;
+use crate::widgets::draw;
+use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};
+use crate::widgets::text_lines::TextLines;
+use rows::{Known, Subject};
+
+/// Lines about the selected object, at most.
+const ABOUT: u16 = 7;
+
+/// The pane.
+#[derive(Debug, Default)]
+pub struct Objects {
+    state: TableState,
+    /// Object the cursor is on: it stays there when others come.
+    object: Option<ObjectAddress>,
+    search: String,
+    /// Node shown last, to begin anew with another one.
+    node: Option<NodeKey>,
+}
+
+/// Columns, in the order of [`Known::cell`].
+fn columns() -> Vec<Column> {
+    vec![
+        Column::new("Object", Width::Fixed(7)),
+        Column::new("Name", Width::Min(24)),
+        Column::new("Value", Width::Min(16)).priority(9),
+        Column::new("Raw", Width::Fixed(12)).priority(4),
+        Column::new("Origin", Width::Fixed(16)).priority(8),
+        Column::new("Age", Width::Fixed(9)).right().priority(5),
+        Column::new("Keeps", Width::Fixed(8)).priority(3),
+        Column::new("Waits", Width::Fixed(24)).priority(2),
+    ]
+}
+
+/// Head, table and what is told of one object.
+fn layout(area: Rect) -> [Rect; 3] {
+    let head = Rect { height: 1.min(area.height), ..area };
+    let rest = area.height - head.height;
+    let about = ABOUT.min(rest / 3);
+    let table = Rect { y: head.bottom(), height: rest - about, ..area };
+    [head, table, Rect { y: table.bottom(), height: about, ..area }]
+}
+
+impl Objects {
+    fn rows<'a>(&self, subject: &Subject<'a>) -> Vec<Known<'a>> {
+        let mut rows = subject.rows(&self.search);
+        if let Some((column, is_descending)) = self.state.sort {
+            rows.sort_by(|one, other| {
+                let order = subject.compare(one, other, column);
+                if is_descending { order.reverse() } else { order }
+            });
+        }
+        rows
+    }
+
+    fn act_on(&mut self, core: &Core, change: impl FnOnce(&mut TableState, usize, usize)) {
+        let Some(subject) = Subject::of(core) else { return };
+        let rows = self.rows(&subject);
+        let len = rows.len();
+        self.state = self.state(&rows);
+        let [_, table, _] = layout(Rect::new(0, 0, 80, core.height));
+        let height = Table::height(table);
+        change(&mut self.state, height, len);
+        self.state.settle(height, len);
+        self.object = rows.get(self.state.selected).map(Known::address);
+    }
+
+    /// The state with the row its object has now.
+    fn state(&self, rows: &[Known<'_>]) -> TableState {
+        let place = rows.iter().position(|known| Some(known.address()) == self.object);
+        let mut state = TableState { selected: place.unwrap_or(self.state.selected), ..self.state.clone() };
+        state.clamp(rows.len());
+        state
+    }
+
+    /// The object the cursor is on.
+    fn selected<'a, 'b>(&self, rows: &'b [Known<'a>]) -> Option<&'b Known<'a>> {
+        rows.get(self.state(rows).selected)
+    }
+
+    fn next_node(core: &Core) -> Vec<Effect> {
+        let all = rows::nodes(core);
+        let present = Subject::of(core).map(|subject| subject.key());
+        let at = all.iter().position(|key| Some(*key) == present);
+        let next = at.map_or(0, |at| (at + 1) % all.len().max(1));
+        match all.get(next) {
+            Some(node) if all.len() > 1 => vec![Effect::Node(*node)],
+            _ => vec![Effect::Refuse("no other node's objects are known here".into())],
+        }
+    }
+
+    fn head(&self, core: &Core, subject: &Subject<'_>, count: usize) -> Line<'static> {
+        let found = match self.search.is_empty() {
+            true => format!("{count} objects"),
+            false => format!("{count} with \"{}\"", self.search),
+        };
+        let time = core.seconds(core.time()).map_or(String::new(), |time| format!(" at {time:.3} s"));
+        let others = rows::nodes(core).len().saturating_sub(1);
+        let more = if others > 0 { format!("  (x: next of {} nodes)", others + 1) } else { String::new() };
+        let text = format!("{}: {found}{time}{more}", subject.label());
+        Line::styled(cobscope_decoder::sink::escape(&text).into_owned(), core.theme.style(Role::Title))
+    }
+}
+
+impl Pane for Objects {
+    fn render(&self, core: &Core, area: Rect, buf: &mut Buffer) {
+        let [head, table, about] = layout(area);
+        let Some(subject) = Subject::of(core) else {
+            let text = if core.window.is_none() { "reading …" } else { "no node's objects are known here" };
+            draw::put(buf, head.x, head.y, head.width, text, core.theme.style(Role::Quiet));
+            return;
+        };
+        let rows = self.rows(&subject);
+        draw::line(buf, head, &self.head(core, &subject, rows.len()), draw::Align::Left, &core.theme);
+        let row = |index: usize| -> Row<'_> {
+            rows.get(index).map_or_else(Row::default, |known| {
+                let style =
+                    |column| subject.role(known, column).map_or(Style::new(), |role| core.theme.style(role));
+                let cells = (0..columns().len())
+                    .map(|column| Cell::new(subject.cell(core, known, column), style(column)));
+                Row::new(cells)
+            })
+        };
+        let columns = columns();
+        let state = self.state(&rows);
+        let empty = if self.search.is_empty() {
+            "nothing is known of this node's objects here"
+        } else {
+            "no object has that in index or name; c shows all"
+        };
+        Table::new(&core.theme, &columns)
+            .row_count(rows.len())
+            .rows(row)
+            .state(&state)
+            .empty(empty)
+            .render(table, buf);
+        if let Some(known) = self.selected(&rows) {
+            let lines: Vec<Line<'_>> = subject
+                .about(core, known)
+                .into_iter()
+                .map(|text| Line::styled(text, core.theme.style(Role::Quiet)))
+                .collect();
+            TextLines::new(&core.theme, &lines).render(about, buf);
+        }
+    }
+
+    fn act(&mut self, action: Action, core: &Core) -> Vec<Effect> {
+        match action {
+            Action::Down => self.act_on(core, |state, _, len| state.move_by(1, len)),
+            Action::Up => self.act_on(core, |state, _, len| state.move_by(-1, len)),
+            Action::PageDown => self.act_on(core, |state, height, len| state.page(1, height, len)),
+            Action::PageUp => self.act_on(core, |state, height, len| state.page(-1, height, len)),
+            Action::Top => self.act_on(core, |state, _, _| state.home()),
+            Action::Bottom => self.act_on(core, |state, _, len| state.end(len)),
+            Action::Left => self.state.move_column(-1, columns().len()),
+            Action::Right => self.state.move_column(1, columns().len()),
+            Action::Sort => self.state.cycle_sort(),
+            Action::Clear => self.search.clear(),
+            Action::Toggle => return Self::next_node(core),
+            Action::Open => {
+                let Some(subject) = Subject::of(core) else { return Vec::new() };
+                let rows = self.rows(&subject);
+                let frame = self.selected(&rows).and_then(Known::frame);
+                return vec![match frame {
+                    Some(frame) => Effect::Go(Place::Frame(frame)),
+                    None => Effect::Refuse("no frame told this value".into()),
+                }];
+            }
+            Action::Back if !self.search.is_empty() => {
+                self.search.clear();
+                return vec![Effect::Say("all objects".into())];
+            }
+            _ => {}
+        }
+        Vec::new()
+    }
+
+    fn click(&mut self, x: u16, y: u16, area: Rect, core: &Core) -> Vec<Effect> {
+        let [_, place, _] = layout(area);
+        let Some(subject) = Subject::of(core) else { return Vec::new() };
+        let (columns, rows) = (columns(), self.rows(&subject));
+        let table = Table::new(&core.theme, &columns).row_count(rows.len());
+        if let Some(column) = table.column_at(place, x) {
+            self.state.column = column;
+        }
+        if Table::is_title_at(place, y) {
+            self.state.cycle_sort();
+        } else if let Some(row) = table.row_at(place, y, &self.state(&rows)) {
+            self.state.selected = row;
+            self.object = rows.get(row).map(Known::address);
+        }
+        Vec::new()
+    }
+
+    fn refresh(&mut self, core: &Core) {
+        let node = Subject::of(core).map(|subject| subject.key());
+        if node.is_some() && node != self.node {
+            self.node = node;
+            self.object = None;
+            self.state =
+                TableState { sort: self.state.sort, column: self.state.column, ..TableState::default() };
+        }
+    }
+
+    fn search(&mut self, text: &str, _core: &Core) -> bool {
+        text.trim().clone_into(&mut self.search);
+        self.state.home();
+        self.object = None;
+        true
+    }
+
+    fn actions(&self) -> &'static [Action] {
+        &[
+            Action::Search,
+            Action::Toggle,
+            Action::Sort,
+            Action::Open,
+            Action::FilterCell,
+            Action::NextFinding,
+            Action::GoTo,
+        ]
+    }
+
+    fn filter_of_cell(&self, core: &Core) -> Option<String> {
+        let subject = Subject::of(core)?;
+        let rows = self.rows(&subject);
+        let known = self.selected(&rows)?;
+        Some(format!("object == 0x{}", known.address()))
+    }
+
+    fn line(&self, core: &Core) -> Option<String> {
+        let subject = Subject::of(core)?;
+        let rows = self.rows(&subject);
+        let known = self.selected(&rows)?;
+        let cells = (0..columns().len()).map(|column| subject.cell(core, known, column));
+        Some(cells.filter(|cell| !cell.is_empty()).collect::<Vec<_>>().join("  "))
+    }
+}

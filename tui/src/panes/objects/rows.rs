@@ -1,0 +1,303 @@
+//! One node's objects in words.
+//!
+//! ```text
+//! 6300:01  Spool set point  37.5 %  00 18  sent {69}  3.194 s
+//! ```
+
+use std::cmp::Ordering;
+
+use cobscope_decoder::profile::{Dictionary, Meaning, Value, integer};
+use cobscope_decoder::session::{Bus, Entry, Node};
+use cobscope_decoder::sink::escape;
+use cobscope_decoder::wire::canopen::ObjectAddress;
+
+use crate::app::{Core, NodeKey};
+use crate::panes::detail::meaning;
+use crate::theme::Role;
+
+/// Bytes of a value that are shown.
+const SHOWN_BYTES: usize = 4;
+/// Objects as delivered a search goes through.
+const MOST_DELIVERED: usize = 16_384;
+
+/// The node that is shown.
+pub(super) struct Subject<'a> {
+    bus: &'a Bus,
+    node: &'a Node,
+}
+
+/// One of its objects.
+pub(super) struct Known<'a> {
+    address: ObjectAddress,
+    /// What is known of it; nothing where it is only known as delivered.
+    entry: Option<&'a Entry>,
+    meaning: Option<Meaning>,
+}
+
+impl Known<'_> {
+    /// Its address.
+    pub(super) fn address(&self) -> ObjectAddress {
+        self.address
+    }
+
+    /// The frame that told its value.
+    pub(super) fn frame(&self) -> Option<u64> {
+        self.entry.map(|entry| entry.origin.frame).filter(|frame| *frame > 0)
+    }
+}
+
+/// Nodes of which objects are known.
+pub(super) fn nodes(core: &Core) -> Vec<NodeKey> {
+    let buses = core.world().map_or(&[][..], |world| world.buses());
+    let of = |bus: &Bus| {
+        let nodes = bus.nodes().filter(|node| !node.store().is_empty());
+        nodes.map(|node| (bus.index(), node.id())).collect::<Vec<_>>()
+    };
+    buses.iter().flat_map(of).collect()
+}
+
+impl<'a> Subject<'a> {
+    /// The node chosen, else that of the row at the cursor, else the first one of which objects are known.
+    pub(super) fn of(core: &'a Core) -> Option<Self> {
+        let world = core.world()?;
+        let get = |(index, id): NodeKey| {
+            let bus = world.buses().iter().find(|bus| bus.index() == index)?;
+            Some(Self { bus, node: bus.node(id)? })
+        };
+        if let Some(subject) = core.node.and_then(get) {
+            return Some(subject);
+        }
+        let of_row = core.row().and_then(|row| get((row.event.bus, row.event.node?)));
+        let has_objects = |subject: &Self| !subject.node.store().is_empty();
+        of_row.filter(has_objects).or_else(|| nodes(core).into_iter().next().and_then(get))
+    }
+
+    /// Which node it is.
+    pub(super) fn key(&self) -> NodeKey {
+        (self.bus.index(), self.node.id())
+    }
+
+    /// `node 32/20 boom on can0, Danfoss PVE`.
+    pub(super) fn label(&self) -> String {
+        let name = self.node.name().map_or(String::new(), |name| format!(" {name}"));
+        let device = self.node.device_title().map_or(String::new(), |title| format!(", {title}"));
+        format!("{}{name} on {}{device}", self.node.id().words(), self.bus.name())
+    }
+
+    /// Its objects in order of their addresses; with a search those that have it.
+    pub(super) fn rows(&self, search: &str) -> Vec<Known<'a>> {
+        let store = self.node.store();
+        let mut all: Vec<(ObjectAddress, Option<&'a Entry>)> =
+            store.sorted().into_iter().map(|(address, entry)| (address, Some(entry))).collect();
+        let waiting = store.all_waiting().map(|(address, _)| address);
+        let more: Vec<_> = waiting.filter(|address| store.get(*address).is_none()).collect();
+        all.extend(more.into_iter().map(|address| (address, None)));
+        if !search.is_empty() {
+            let delivered = delivered(&self.node.device().dictionary);
+            all.extend(delivered.into_iter().filter(|at| store.get(*at).is_none()).map(|at| (at, None)));
+        }
+        all.sort_unstable_by_key(|(address, _)| *address);
+        all.dedup_by_key(|(address, _)| *address);
+        let known = |(address, entry)| Known { address, entry, meaning: self.node.meaning(address) };
+        all.into_iter().map(known).filter(|known| has(known, search)).collect()
+    }
+
+    /// What stands in a column.
+    pub(super) fn cell(&self, core: &Core, known: &Known<'_>, column: usize) -> String {
+        let text = match column {
+            0 => known.address.to_string(),
+            1 => known.meaning.as_ref().map_or(String::new(), |meaning| meaning.name.clone()),
+            2 => self.value(known),
+            3 => known.entry.map_or(String::new(), raw),
+            4 => match known.entry {
+                Some(entry) if entry.origin.frame > 0 => {
+                    format!("{} {{{}}}", entry.origin.kind.verb(), entry.origin.frame)
+                }
+                Some(entry) => self.file(entry),
+                None if self.is_delivered(known) => "as delivered".into(),
+                None => String::new(),
+            },
+            5 => age(core, known).map_or(String::new(), |age| seconds(age)),
+            6 => known.entry.and_then(|_| self.node.persists(known.address)).map_or("", keeps).into(),
+            _ => self.waits(known),
+        };
+        escape(&text).into_owned()
+    }
+
+    /// How a cell looks.
+    pub(super) fn role(&self, known: &Known<'_>, column: usize) -> Option<Role> {
+        let is_outside = known.meaning.as_ref().is_some_and(|meaning| {
+            known.entry.is_some_and(|entry| meaning.is_outside(&meaning.decode(&entry.value)))
+        });
+        match (known.entry, column) {
+            (_, 2) if is_outside => Some(Role::Bad),
+            (_, 7) => Some(Role::Caution),
+            (None, _) | (Some(_), 3..=6) => Some(Role::Quiet),
+            _ => None,
+        }
+    }
+
+    /// Everything about one.
+    pub(super) fn about(&self, core: &Core, known: &Known<'_>) -> Vec<String> {
+        let name = known.meaning.as_ref().map_or("nothing tells what it is", |meaning| &meaning.name);
+        let origin = known.entry.map_or(String::new(), |entry| {
+            let stale = if entry.stale {
+                "; the node restarted since, or it is only wanted: it may be another one"
+            } else {
+                ""
+            };
+            format!(", {}{stale}", meaning::origin(core, entry))
+        });
+        let mut lines = vec![format!("{} {name} = {}{origin}", known.address, self.value(known))];
+        if let Some(entry) = known.entry {
+            let data = entry.value.iter().take(LONGEST).map(|byte| format!("{byte:02X}"));
+            let more = if entry.size > LONGEST as u64 { " …" } else { "" };
+            let bytes = if entry.size == 1 { "1 byte".into() } else { format!("{} bytes", entry.size) };
+            lines.push(format!("{bytes}: {}{more}", data.collect::<Vec<_>>().join(" ")));
+        }
+        let waits = self.waits(known);
+        if !waits.is_empty() {
+            lines.push(format!("waiting: {waits}"));
+        }
+        let keeps = known.entry.and_then(|_| self.node.persists(known.address));
+        lines.extend(keeps.map(|keeps| format!("over a restart: {}", keeps_in_full(keeps))));
+        if let (Some(about), Some(entry)) = (&known.meaning, known.entry) {
+            meaning::of_value(core, Some(self.node), about, &about.decode(&entry.value), &mut lines);
+        }
+        lines.iter().map(|line| escape(line).into_owned()).collect()
+    }
+
+    /// By a column; numbers as numbers.
+    pub(super) fn compare(&self, one: &Known<'_>, other: &Known<'_>, column: usize) -> Ordering {
+        let name = |known: &Known<'_>| known.meaning.as_ref().map(|meaning| meaning.name.clone());
+        let time = |known: &Known<'_>| known.entry.and_then(|entry| entry.origin.time);
+        let frame =
+            |known: &Known<'_>| known.entry.map(|entry| (entry.origin.kind.verb(), entry.origin.frame));
+        let bytes = |known: &Known<'_>| known.entry.map(|entry| entry.value.clone());
+        let keeps = |known: &Known<'_>| known.entry.and_then(|_| self.node.persists(known.address));
+        match column {
+            1 => name(one).cmp(&name(other)),
+            2 => match (number(one), number(other)) {
+                (Some(one), Some(other)) => one.total_cmp(&other),
+                _ => self.value(one).cmp(&self.value(other)),
+            },
+            3 => bytes(one).cmp(&bytes(other)),
+            4 => frame(one).cmp(&frame(other)),
+            // The youngest first, as its age is the least.
+            5 => time(other).cmp(&time(one)),
+            6 => keeps(one).cmp(&keeps(other)),
+            7 => self.waits(other).cmp(&self.waits(one)),
+            _ => one.address.cmp(&other.address),
+        }
+    }
+
+    fn value(&self, known: &Known<'_>) -> String {
+        let Some(entry) = known.entry else {
+            let found = self.node.device().dictionary.find(known.address);
+            let raw = found.and_then(|found| found.entry?.default_number(Some(self.node.id().number())));
+            let shown =
+                raw.zip(known.meaning.as_ref()).map(|(raw, meaning)| meaning.show(&meaning.number(raw)));
+            return shown.unwrap_or_default();
+        };
+        let value = match known.meaning.as_ref().map(|meaning| (meaning, meaning.decode(&entry.value))) {
+            Some((_, Value::Bytes(_))) | None => String::new(),
+            Some((meaning, value)) => meaning.show(&value),
+        };
+        let stale = if entry.stale { "?" } else { "" };
+        format!("{value}{stale}")
+    }
+
+    fn is_delivered(&self, known: &Known<'_>) -> bool {
+        let found = self.node.device().dictionary.find(known.address);
+        found.and_then(|found| found.entry).is_some_and(|entry| entry.default.is_some())
+    }
+
+    /// What told a value no frame told.
+    fn file(&self, entry: &Entry) -> String {
+        match entry.origin.kind {
+            cobscope_decoder::session::OriginKind::BusFile => "bus file".into(),
+            cobscope_decoder::session::OriginKind::DeviceFile => "wanted by DCF".into(),
+            kind => kind.verb().into(),
+        }
+    }
+
+    /// `33 after reset node {88}`.
+    fn waits(&self, known: &Known<'_>) -> String {
+        let Some(waiting) = self.node.store().waiting(known.address) else { return String::new() };
+        let value = match &known.meaning {
+            Some(meaning) => meaning.show(&meaning.decode(&waiting.value)),
+            None => Value::Bytes(waiting.value.clone()).to_string(),
+        };
+        format!("{value} {} {{{}}}", waiting.effect.when(), waiting.origin.frame)
+    }
+}
+
+/// Bytes of a value that are told of the selected one.
+const LONGEST: usize = 64;
+
+fn raw(entry: &Entry) -> String {
+    let shown = entry.value.iter().take(SHOWN_BYTES).map(|byte| format!("{byte:02X}"));
+    let more = if entry.size > SHOWN_BYTES as u64 { "…" } else { "" };
+    format!("{}{more}", shown.collect::<Vec<_>>().join(" "))
+}
+
+fn age(core: &Core, known: &Known<'_>) -> Option<i64> {
+    Some(core.time()?.since(known.entry?.origin.time?))
+}
+
+/// `0.194 s`, `12 s`, `3 min`.
+fn seconds(nanoseconds: i64) -> String {
+    let milliseconds = nanoseconds / 1_000_000;
+    match milliseconds.abs() {
+        ..100_000 => format!("{}.{:03} s", milliseconds / 1_000, milliseconds.abs() % 1_000),
+        100_000..6_000_000 => format!("{} s", milliseconds / 1_000),
+        _ => format!("{} min", milliseconds / 60_000),
+    }
+}
+
+fn keeps(word: &'static str) -> &'static str {
+    match word {
+        "yes" => "yes",
+        "no" => "lost",
+        _ => "unstored",
+    }
+}
+
+fn keeps_in_full(word: &'static str) -> &'static str {
+    match word {
+        "yes" => "it stays",
+        "no" => "it is lost",
+        _ => "it is lost: it was not stored since it was written",
+    }
+}
+
+fn number(known: &Known<'_>) -> Option<f64> {
+    let (meaning, entry) = (known.meaning.as_ref()?, known.entry?);
+    let value = meaning.decode(&entry.value);
+    #[expect(clippy::cast_precision_loss, reason = "only an order is made of it")]
+    meaning.scaled(&value).or_else(|| integer(&value).map(|number| number as f64))
+}
+
+/// Whether all words of a search are in address or name.
+fn has(known: &Known<'_>, search: &str) -> bool {
+    let name = known.meaning.as_ref().map_or("", |meaning| &meaning.name);
+    let text = format!("0x{} {name}", known.address).to_lowercase();
+    search.to_lowercase().split_whitespace().all(|word| text.contains(word))
+}
+
+/// Addresses a device has a value for as delivered.
+fn delivered(dictionary: &Dictionary) -> Vec<ObjectAddress> {
+    let mut all = Vec::new();
+    for object in dictionary.own() {
+        for nth in 0..object.repeat.count {
+            let index = object.index.wrapping_add(nth.wrapping_mul(object.repeat.stride));
+            for entry in object.entries.iter().filter(|entry| entry.default.is_some()) {
+                all.extend((entry.sub..=entry.to).map(|sub| ObjectAddress::new(index, sub)));
+            }
+            if all.len() >= MOST_DELIVERED {
+                return all;
+            }
+        }
+    }
+    all
+}

@@ -1,0 +1,373 @@
+//! All signals there are, each with its value at the cursor.
+//!
+//! ```text
+//!   Node   From   Signal                    Value
+//! ✓ 2/02   TPDO1  Actual pressure        124.9 bar
+//!   2/02   TPDO1  Status byte            08h pres…
+//! ```
+
+use std::collections::HashMap;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+use std::sync::Arc;
+
+use cobscope_decoder::frame::{BusIndex, CanId};
+use cobscope_decoder::profile::{Field, PdoDirection, SignalId};
+use cobscope_decoder::replay::World;
+use cobscope_decoder::sink::escape;
+use cobscope_decoder::statistics::IdentifierRow;
+use cobscope_decoder::wire::NodeId;
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use regex_lite::Regex;
+
+use crate::app::{Core, SignalKey, pattern};
+use crate::theme::{Glyph, Role};
+use crate::timeline::signal;
+use crate::widgets::draw;
+use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};
+
+/// One signal.
+#[derive(Debug, Clone)]
+pub(super) struct Entry {
+    pub(super) key: SignalKey,
+    node: String,
+    from: String,
+    order: Order,
+}
+
+/// By bus, node, what the node sends before what it is sent, number and identifier.
+type Order = (u8, u8, bool, u16, u32);
+
+/// The list and what is selected in it.
+#[derive(Debug, Default)]
+pub(super) struct List {
+    entries: Vec<Entry>,
+    /// Places of those with the text sought.
+    shown: Vec<usize>,
+    state: TableState,
+    sought: Option<Regex>,
+    /// What the entries were made of.
+    made_of: u64,
+}
+
+/// Columns that names of nodes get at most.
+const MOST_NODE: u16 = 12;
+
+/// Columns of values, by the width of the list from which on they get so many.
+const VALUES: [(u16, u16); 3] = [(110, 32), (70, 20), (0, 14)];
+
+impl List {
+    /// As wide as what they hold needs.
+    fn columns(&self, area: Rect) -> [Column; 5] {
+        let widest = |text: fn(&Entry) -> &str, most: u16| {
+            let widths = self.entries.iter().map(|entry| draw::width(text(entry)));
+            Width::Fixed(widths.max().unwrap_or(0).clamp(4, most))
+        };
+        let value = VALUES.iter().find(|(least, _)| area.width >= *least).map_or(0, |(_, value)| *value);
+        [
+            Column::new("", Width::Fixed(1)),
+            Column::new("Node", widest(|entry| &entry.node, MOST_NODE)).priority(3),
+            Column::new("From", widest(|entry| &entry.from, 8)).priority(2),
+            Column::new("Signal", Width::Fill),
+            Column::new("Value", Width::Fixed(value)).right().priority(4),
+        ]
+    }
+
+    /// Looks whether there are others now.
+    pub(super) fn refresh(&mut self, core: &Core) {
+        let end = core.timeline.end();
+        let worlds: Vec<&World> = core.world().into_iter().chain(end.as_deref()).collect();
+        let made_of = print(&worlds);
+        if made_of == self.made_of {
+            return;
+        }
+        self.made_of = made_of;
+        let selected = self.selected().cloned();
+        self.entries = entries(&worlds);
+        self.narrow();
+        if let Some(key) = selected {
+            self.select(&key);
+        }
+        self.state.clamp(self.shown.len());
+    }
+
+    /// Selects a signal if it is shown.
+    pub(super) fn select(&mut self, key: &SignalKey) {
+        let place = self.shown().position(|entry| entry.key == *key);
+        self.state.selected = place.unwrap_or(self.state.selected);
+    }
+
+    /// Shows only what has a text; all for none.
+    pub(super) fn search(&mut self, text: &str) {
+        self.sought = match pattern(text) {
+            _ if text.trim().is_empty() => None,
+            Ok(pattern) => Some(pattern),
+            // On the way to something that is a pattern again.
+            Err(_) => return,
+        };
+        self.narrow();
+        self.state.home();
+    }
+
+    pub(super) fn is_narrowed(&self) -> bool {
+        self.sought.is_some()
+    }
+
+    fn narrow(&mut self) {
+        let has = |entry: &Entry| {
+            let text = format!("{} {} {} {}", entry.node, entry.from, entry.key.name, entry.key.unit);
+            self.sought.as_ref().is_none_or(|sought| sought.is_match(&text))
+        };
+        let places = self.entries.iter().enumerate().filter(|(_, entry)| has(entry));
+        self.shown = places.map(|(place, _)| place).collect();
+    }
+
+    fn shown(&self) -> impl Iterator<Item = &Entry> {
+        self.shown.iter().filter_map(|place| self.entries.get(*place))
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.shown.len()
+    }
+
+    pub(super) fn selected(&self) -> Option<&SignalKey> {
+        self.entries.get(*self.shown.get(self.state.selected)?).map(|entry| &entry.key)
+    }
+
+    pub(super) fn move_by(&mut self, delta: isize) {
+        self.state.move_by(delta, self.shown.len());
+    }
+
+    pub(super) fn page(&mut self, delta: isize, height: usize) {
+        self.state.page(delta, height, self.shown.len());
+    }
+
+    /// Selects the row at a line of the screen.
+    pub(super) fn click(&mut self, core: &Core, area: Rect, y: u16) {
+        let columns = self.columns(area);
+        let table = Table::new(&core.theme, &columns).row_count(self.len());
+        if let Some(row) = table.row_at(area, y, &self.state) {
+            self.state.selected = row;
+        }
+    }
+
+    /// Draws it; `look_of` tells how a signal that is plotted looks there.
+    pub(super) fn render(
+        &self,
+        core: &Core,
+        area: Rect,
+        buf: &mut Buffer,
+        look_of: impl Fn(&SignalKey) -> Option<Role>,
+    ) {
+        let columns = self.columns(area);
+        let others: u16 = columns
+            .iter()
+            .map(|column| match column.width {
+                Width::Fixed(width) => width + 1,
+                Width::Min(_) | Width::Fill => 1,
+            })
+            .sum();
+        let room = area.width.saturating_sub(others);
+        let row = |index: usize| -> Row<'_> {
+            let entry = self.shown.get(index).and_then(|place| self.entries.get(*place));
+            let Some(entry) = entry else { return Row::default() };
+            let style = look_of(&entry.key).map(|role| core.theme.style(role));
+            let mark = if style.is_some() { core.theme.glyph(Glyph::Check) } else { "" };
+            let style = style.unwrap_or_default();
+            Row::new([
+                Cell::new(mark, style),
+                entry.node.as_str().into(),
+                Cell::new(entry.from.as_str(), core.theme.style(Role::Quiet)),
+                Cell::new(within(&entry.key.name, room), style),
+                value(core, &entry.key).unwrap_or_default().into(),
+            ])
+        };
+        let empty = match (core.world(), self.is_narrowed()) {
+            (None, _) => "reading …",
+            (_, true) => "no signal has this text; c shows all",
+            _ if core.timeline.progress().is_complete() => {
+                "no signal is known: give the devices (--node), EDS (--eds) or DBC (--dbc)"
+            }
+            _ => "no signal so far",
+        };
+        let table =
+            Table::new(&core.theme, &columns).row_count(self.len()).rows(row).state(&self.state).empty(empty);
+        table.render(area, buf);
+    }
+
+    /// The selected signal as text.
+    pub(super) fn line(&self, core: &Core) -> Option<String> {
+        let entry = self.entries.get(*self.shown.get(self.state.selected)?)?;
+        let value = value(core, &entry.key).unwrap_or_default();
+        Some(format!("{} {} {} {value}", entry.node, entry.from, entry.key.name))
+    }
+}
+
+/// A name, or its end where it has no room: what is before a comma is the same in many.
+pub(super) fn within(name: &str, room: u16) -> &str {
+    match name.split_once(", ") {
+        Some((_, rest)) if draw::width(name) > room => rest,
+        _ => name,
+    }
+}
+
+/// What a signal's identifier carried last before the cursor.
+pub(super) fn row_at<'a>(core: &'a Core, key: &SignalKey) -> Option<&'a IdentifierRow> {
+    let is_it = |row: &&IdentifierRow| row.id == key.id && row.bus == key.bus && !row.is_remote;
+    core.world()?.identifiers().rows().iter().find(is_it)
+}
+
+/// The value at the cursor as people write it.
+fn value(core: &Core, key: &SignalKey) -> Option<String> {
+    let row = row_at(core, key)?;
+    let layout = row.layout.as_ref()?;
+    let (place, field) = key.field_in(layout)?;
+    Some(signal::text(layout, field, &layout.signal(place, row.payload())?.value))
+}
+
+/// The value at the cursor as a number.
+pub(super) fn number(core: &Core, key: &SignalKey) -> Option<f64> {
+    let row = row_at(core, key)?;
+    let layout = row.layout.as_ref()?;
+    let (place, field) = key.field_in(layout)?;
+    signal::number(field, &layout.signal(place, row.payload())?.value)
+}
+
+/// Changes when other identifiers or layouts are there.
+fn print(worlds: &[&World]) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    for world in worlds {
+        for row in world.identifiers().rows() {
+            (row.id, row.bus, row.layout.as_ref().map(Arc::as_ptr)).hash(&mut hasher);
+        }
+        worlds.len().hash(&mut hasher);
+    }
+    hasher.finish()
+}
+
+/// The signals of all these worlds, each once, as the first one that knows what it means does.
+fn entries(worlds: &[&World]) -> Vec<Entry> {
+    let several = worlds.iter().any(|world| world.buses().len() > 1);
+    let mut places = HashMap::new();
+    let mut entries: Vec<Entry> = Vec::new();
+    for world in worlds {
+        // What the same sender says of the same thing in several messages is told once, by the most frequent.
+        let mut rows: Vec<_> = world.identifiers().rows().iter().filter(|row| !row.is_remote).collect();
+        rows.sort_by_key(|row| (std::cmp::Reverse(row.count), row.id.number()));
+        for row in rows {
+            let Some(layout) = &row.layout else { continue };
+            for key in SignalKey::all(row.bus, row.id, layout) {
+                let place = *places.entry(identity(row, &key)).or_insert(entries.len());
+                match entries.get_mut(place) {
+                    None => entries.push(entry(world, row, key, several)),
+                    Some(known) if !is_meant(&known.key) && is_meant(&key) => {
+                        *known = entry(world, row, key, several);
+                    }
+                    Some(_) => {}
+                }
+            }
+        }
+    }
+    entries.sort_by_key(|entry| (entry.order, entry.key.field));
+    entries
+}
+
+fn is_meant(key: &SignalKey) -> bool {
+    key.layout.fields.get(key.field).is_some_and(|field| field.meaning.is_some())
+}
+
+/// What of a signal makes it the same in several messages and at several times.
+#[derive(PartialEq, Eq, Hash)]
+struct Identity {
+    bus: BusIndex,
+    node: Option<NodeId>,
+    direction: Option<PdoDirection>,
+    /// Identifier of what is no PDO.
+    message: u32,
+    object: Option<u64>,
+    /// Where only that tells.
+    name: Option<String>,
+    /// How many of the same stand before it.
+    before: usize,
+}
+
+fn identity(row: &IdentifierRow, key: &SignalKey) -> Identity {
+    let id = key.layout.fields.get(key.field).map(|field| field.id);
+    let object = match id {
+        Some(SignalId::Object(object)) => Some(u64::from(object.index) << 8 | u64::from(object.sub)),
+        Some(SignalId::Spn(spn)) => Some(1 << 40 | u64::from(spn)),
+        Some(SignalId::Name) | None => None,
+    };
+    // Of a J1939 identifier the priority says nothing of what it carries.
+    let message = match (row.pdo, row.id) {
+        (Some(_), _) => 0,
+        (None, CanId::Extended(id)) => id & 0x03FF_FFFF,
+        (None, id) => id.number(),
+    };
+    let is_same = |field: &&Field| Some(field.id) == id && object.is_some();
+    Identity {
+        bus: row.bus,
+        node: row.node,
+        direction: row.pdo.map(|pdo| pdo.direction),
+        message,
+        object,
+        name: object.is_none().then(|| key.name.clone()),
+        before: key.layout.fields.iter().take(key.field).filter(is_same).count(),
+    }
+}
+
+fn entry(world: &World, row: &IdentifierRow, key: SignalKey, several: bool) -> Entry {
+    let bus = world.buses().iter().find(|bus| bus.index() == row.bus);
+    let name = row.node.and_then(|node| Some(escape(bus?.node(node)?.name()?).into_owned()));
+    let node = match row.node {
+        Some(NodeId::Canopen(id)) => format!("{id}/{id:02X}"),
+        Some(NodeId::J1939(address)) => format!("SA{address:02X}"),
+        None => String::new(),
+    };
+    let bus = bus.filter(|_| several).map_or(String::new(), |bus| format!("{} ", escape(bus.name())));
+    let node = match name {
+        Some(name) => format!("{bus}{node} {name}"),
+        None => format!("{bus}{node}"),
+    };
+    let from = row.pdo.map_or_else(|| row.id.to_string(), |pdo| pdo.to_string());
+    let is_received = row.pdo.is_some_and(|pdo| pdo.direction == PdoDirection::Receive);
+    let number = row.pdo.map_or(0, |pdo| pdo.number);
+    let of_node = row.node.map_or(u8::MAX, NodeId::number);
+    Entry { key, node, from, order: (row.bus.0, of_node, is_received, number, row.id.number()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use cobscope_decoder::capture::BusNames;
+    use cobscope_decoder::frame::Frame;
+    use cobscope_decoder::profile::dbc::{self, Database};
+    use cobscope_decoder::session::SessionOptions;
+
+    use super::*;
+
+    #[test]
+    fn what_a_sender_says_with_two_priorities_is_one_signal() {
+        // PGN F101 of whichever source.
+        let text = "VERSION \"\"\nBO_ 2565931518 SPEED: 8 N\n SG_ Speed : 0|8@1+ (1,0) [0|0] \"km/h\" N\n";
+        let mut database = Database::default();
+        database.add(dbc::parse(text.as_bytes()).unwrap());
+        let options = SessionOptions { database: Arc::new(database), ..SessionOptions::default() };
+        let mut world = World::new(options);
+        let mut names = BusNames::default();
+        names.index_of(b"can0").unwrap();
+        for (number, id) in (1..).zip([0x18F1_0180, 0x0CF1_0180, 0x0CF1_0180, 0x18F1_0181]) {
+            let frame = Frame { number, ..Frame::data_frame(CanId::extended(id), &[7; 8]) };
+            world.push(&frame, &names, &mut |_| ());
+        }
+        let found = entries(&[&world, &world]);
+        let ids: Vec<_> = found.iter().map(|entry| entry.key.id.number()).collect();
+        assert_eq!(ids, [0x0CF1_0180, 0x18F1_0181]);
+    }
+
+    #[test]
+    fn a_long_name_is_cut_before_its_comma() {
+        assert_eq!(within("Command values, Nominal pressure", 40), "Command values, Nominal pressure");
+        assert_eq!(within("Command values, Nominal pressure", 20), "Nominal pressure");
+        assert_eq!(within("Pressure", 4), "Pressure");
+    }
+}

@@ -1,0 +1,414 @@
+//! Signals: pick any, and see them over time.
+//!
+//! ```text
+//!   Node  From   Signal            Value │ 0.000 – 0.306 s, all
+//! ✓ 2/02  TPDO1  Actual pressure   124.9 │ bar         A
+//!   2/02  TPDO1  Swivel angle     49.4 % │ 150┤     ⡏⠉⠉⠉⠉⡇
+//!   2/02  RPDO1  Control byte        00h │    │⣀⣀⣀⣀⣀⠇ ┆  ⠧⠤⠤⠤
+//!                                        │    └┬──────┬──────
+//!                                        │             A 0.140 s  min  max
+//!                                        │ ⠤⠤ Actual…      157.4   …
+//! ```
+//!
+//! Where there are few columns the list is above the plot. The cursor in time is cursor A.
+
+mod list;
+mod offered;
+mod view;
+
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use cobscope_decoder::frame::Timestamp;
+use ratatui::buffer::Buffer;
+use ratatui::layout::{Position, Rect};
+use ratatui::text::Line;
+
+use self::list::List;
+pub use self::offered::plot;
+use self::view::View;
+use super::Pane;
+use crate::app::{Action, Core, Effect, Place, SignalKey};
+use crate::theme::{Glyph, Role};
+use crate::timeline::MOST_SIGNALS;
+use crate::widgets::draw;
+use crate::widgets::plot::{Bucket, Plot, Series};
+use crate::widgets::table::Table;
+
+/// From so many columns on the list is beside the plot.
+const WIDE: u16 = 100;
+
+/// Columns of the list beside the plot, at least and as a share of the screen.
+const LIST_WIDTH: u16 = 46;
+
+/// Lines of the list above the plot, with its titles.
+const LIST_HEIGHT: u16 = 6;
+
+/// Columns of the legend that are no names.
+const OF_LEGEND: u16 = 52;
+
+/// A signal that is plotted.
+struct Picked {
+    key: SignalKey,
+    /// How it looks, until it is no longer plotted.
+    look: u8,
+}
+
+/// Cursor B.
+struct Second {
+    time: i64,
+    /// What held there, of the signals that were plotted then.
+    values: Vec<(SignalKey, Option<f64>)>,
+}
+
+/// The signals pane.
+#[derive(Default)]
+pub struct Signals {
+    list: List,
+    picked: Vec<Picked>,
+    view: View,
+    second: Option<Second>,
+    /// The list is hidden.
+    is_large: bool,
+    /// The last thing done was a click on the list.
+    is_list_clicked: bool,
+    /// Signals that there was no place for.
+    refused: usize,
+}
+
+/// Where what is drawn.
+struct Parts {
+    list: Rect,
+    title: Rect,
+    plot: Rect,
+}
+
+/// A signal as it is drawn.
+struct Shown {
+    name: String,
+    unit: String,
+    role: Role,
+    points: Arc<Vec<Bucket>>,
+}
+
+impl Signals {
+    fn parts(&self, area: Rect) -> Parts {
+        let (list, right) = if self.picked.is_empty() {
+            let hint = u16::from(area.height > 2);
+            let list = Rect { height: area.height - hint, ..area };
+            (list, Rect { y: list.bottom(), height: hint, ..area })
+        } else if self.is_large {
+            (Rect { width: 0, height: 0, ..area }, area)
+        } else if area.width >= WIDE {
+            let width = LIST_WIDTH.max(area.width / 3);
+            (Rect { width, ..area }, Rect { x: area.x + width + 1, width: area.width - width - 1, ..area })
+        } else {
+            let height = LIST_HEIGHT.min(area.height / 3);
+            let list = Rect { height, ..area };
+            (list, Rect { y: list.bottom(), height: area.height - height, ..area })
+        };
+        let title = Rect { height: right.height.min(1), ..right };
+        let plot = Rect { y: title.bottom(), height: right.height - title.height, ..right };
+        Parts { list, title, plot }
+    }
+
+    fn area(core: &Core) -> Rect {
+        Rect::new(0, 0, core.width, core.height)
+    }
+
+    fn look_of(&self, key: &SignalKey) -> Option<Role> {
+        let picked = self.picked.iter().find(|picked| picked.key == *key)?;
+        Some(Role::Highlight(picked.look))
+    }
+
+    fn keys(&self) -> Vec<SignalKey> {
+        self.picked.iter().map(|picked| picked.key.clone()).collect()
+    }
+
+    /// Plots a signal too, if there is a place for it.
+    fn pick(&mut self, key: &SignalKey) -> bool {
+        if self.look_of(key).is_some() {
+            return true;
+        }
+        let is_free = |look: &u8| self.picked.iter().all(|picked| picked.look != *look);
+        let most = u8::try_from(MOST_SIGNALS).unwrap_or(u8::MAX);
+        let Some(look) = (0..most).find(is_free) else { return false };
+        self.picked.push(Picked { key: key.clone(), look });
+        true
+    }
+
+    fn toggle(&mut self, core: &Core) -> Vec<Effect> {
+        let Some(key) = self.list.selected().cloned() else {
+            return vec![Effect::Refuse("there is no signal to plot".into())];
+        };
+        self.refused = 0;
+        if self.look_of(&key).is_some() {
+            self.picked.retain(|picked| picked.key != key);
+        } else if !self.pick(&key) {
+            return vec![Effect::Refuse(format!("no more than {MOST_SIGNALS} signals; x on one removes it"))];
+        }
+        self.view.refresh(core, &self.keys());
+        Vec::new()
+    }
+
+    /// The signals that are plotted, with the values at the cursors as exactly as they are known.
+    fn shown(&self, core: &Core) -> Vec<Shown> {
+        let room = self.parts(Self::area(core)).plot.width.saturating_sub(OF_LEGEND);
+        let cursor = self.view.cursor(core).filter(|_| !core.is_pending() && !core.is_waiting());
+        let shown = |picked: &Picked| {
+            let points = self.view.points(core, &picked.key);
+            let is_assumed = points.as_ref().is_some_and(|points| points.is_assumed);
+            let mut points = points.map(|points| points.buckets).unwrap_or_default();
+            if let (Some(time), Some(value)) = (cursor, list::number(core, &picked.key)) {
+                put(&mut points, time, value);
+            }
+            if let Some(second) = &self.second
+                && let Some((_, Some(value))) = second.values.iter().find(|(key, _)| *key == picked.key)
+            {
+                put(&mut points, second.time, *value);
+            }
+            let name = list::within(&picked.key.name, room);
+            let name = format!("{name}{}", if is_assumed { "?" } else { "" });
+            Shown { name, unit: picked.key.unit.clone(), role: Role::Highlight(picked.look), points }
+        };
+        self.picked.iter().map(shown).collect()
+    }
+
+    /// Does something with the plot as it is drawn.
+    fn with_plot<T>(&self, core: &Core, then: impl for<'a> FnOnce(&'a Plot<'a>) -> T) -> Option<T> {
+        let (from, to) = self.view.range(core)?;
+        let (_, last) = View::whole(core)?;
+        let shown = self.shown(core);
+        let series: Vec<_> = shown
+            .iter()
+            .map(|shown| Series {
+                name: Cow::Borrowed(shown.name.as_str()),
+                unit: Cow::Borrowed(shown.unit.as_str()),
+                role: shown.role,
+                points: &shown.points,
+            })
+            .collect();
+        let second = self.second.as_ref().map(|second| second.time);
+        let is_over = self.view.share(core).is_none();
+        let plot = Plot::new(&core.theme, &series, from, to)
+            .zero(core.zero().map_or(from, |zero| zero.0))
+            .cursors(self.view.cursor(core), second)
+            .until(last)
+            .empty(if is_over { "no value in this time" } else { "reading …" });
+        Some(then(&plot))
+    }
+
+    /// The line above the plot.
+    fn title(&self, core: &Core) -> String {
+        let Some((from, to)) = self.view.range(core) else { return "no times".into() };
+        let delta = core.theme.glyph(Glyph::Delta);
+        let time = |time| core.seconds(Some(Timestamp(time))).unwrap_or_default();
+        let span = time(to) - time(from);
+        // As many digits as tell the ends of a thousandth apart.
+        let digits = (0..6).find(|digits| span * 10_f64.powi(*digits) >= 1_000.0).unwrap_or(6);
+        let digits = usize::try_from(digits).unwrap_or(0).max(3);
+        let all = if self.view.is_whole() { ", all of it" } else { "" };
+        let mut text =
+            format!("{:.digits$} to {:.digits$} s, {delta} {span:.digits$} s{all}", time(from), time(to));
+        if let Some(share) = self.view.share(core) {
+            text = format!("reading {share} %  {text}");
+        }
+        if self.refused > 0 {
+            text = format!("{} more not plotted: {MOST_SIGNALS} are the most  {text}", self.refused);
+        }
+        text
+    }
+
+    /// Goes so many columns on in time.
+    fn step(&mut self, core: &Core, columns: i64) -> Vec<Effect> {
+        let area = self.parts(Self::area(core)).plot;
+        let Some((zero, last)) = View::whole(core) else { return vec![no_times()] };
+        let time = self.view.cursor(core).unwrap_or(zero);
+        let wanted = self.with_plot(core, |plot| plot.beside(area, time, columns)).unwrap_or(time);
+        self.go(wanted.clamp(zero, last))
+    }
+
+    fn go(&mut self, time: i64) -> Vec<Effect> {
+        self.view.aim(time);
+        vec![Effect::Go(Place::Time(Timestamp(time)))]
+    }
+
+    /// Sets cursor B at the cursor, or takes it away there.
+    fn set_second(&mut self, core: &Core) -> Vec<Effect> {
+        let Some(time) = self.view.cursor(core) else { return vec![no_times()] };
+        if self.second.as_ref().is_some_and(|second| second.time == time) {
+            self.second = None;
+            return vec![Effect::Say("cursor B is gone".into())];
+        }
+        let value = |picked: &Picked| (picked.key.clone(), list::number(core, &picked.key));
+        let values = self.picked.iter().map(value).collect();
+        self.second = Some(Second { time, values });
+        vec![Effect::Say("cursor B is here; b again takes it away".into())]
+    }
+
+    fn clear(&mut self, core: &Core) {
+        if self.list.is_narrowed() {
+            self.list.search("");
+        } else {
+            self.picked.clear();
+            self.second = None;
+            self.refused = 0;
+            self.view.refresh(core, &[]);
+        }
+    }
+
+    fn zoom(&mut self, core: &Core, is_in: bool) -> Vec<Effect> {
+        let refused = self.view.zoom(core, is_in).err();
+        self.view.refresh(core, &self.keys());
+        refused.map(|reason| Effect::Refuse(reason.into())).into_iter().collect()
+    }
+
+    fn open(&mut self, core: &Core, was_clicked: bool) -> Vec<Effect> {
+        if was_clicked || self.picked.is_empty() {
+            return self.toggle(core);
+        }
+        self.is_large = !self.is_large;
+        Vec::new()
+    }
+}
+
+impl Pane for Signals {
+    fn render(&self, core: &Core, area: Rect, buf: &mut Buffer) {
+        let parts = self.parts(area);
+        self.list.render(core, parts.list, buf, |key| self.look_of(key));
+        let quiet = core.theme.style(Role::Quiet);
+        let title = match self.picked.is_empty() {
+            true if core.window.is_some() && View::whole(core).is_none() => {
+                "this capture has no times, so there is nothing to plot over".to_owned()
+            }
+            true => "x plots the selected signal, / searches; p in other panes plots what is selected there"
+                .into(),
+            false => self.title(core),
+        };
+        draw::line(buf, parts.title, &Line::styled(title, quiet), draw::Align::Left, &core.theme);
+        if self.picked.is_empty() {
+            return;
+        }
+        for y in area.top()..area.bottom() {
+            let x = parts.list.right();
+            if parts.list.width > 0 && x < parts.plot.x {
+                draw::put(buf, x, y, 1, core.theme.glyph(Glyph::Vertical), core.theme.style(Role::Border));
+            }
+        }
+        self.with_plot(core, |plot| plot.render(parts.plot, buf));
+    }
+
+    fn act(&mut self, action: Action, core: &Core) -> Vec<Effect> {
+        let was_clicked = std::mem::take(&mut self.is_list_clicked);
+        let height = Table::height(self.parts(Self::area(core)).list);
+        match action {
+            Action::Down => self.list.move_by(1),
+            Action::Up => self.list.move_by(-1),
+            Action::PageDown => self.list.page(1, height),
+            Action::PageUp => self.list.page(-1, height),
+            Action::Top => return vec![Effect::Go(Place::Start)],
+            Action::Bottom => return vec![Effect::Go(Place::End)],
+            Action::Left => return self.step(core, -1),
+            Action::Right => return self.step(core, 1),
+            Action::Toggle | Action::Plot => return self.toggle(core),
+            Action::Open => return self.open(core, was_clicked),
+            Action::ZoomIn => return self.zoom(core, true),
+            Action::ZoomOut => return self.zoom(core, false),
+            Action::SetCursor => return self.set_second(core),
+            Action::Clear => self.clear(core),
+            Action::Back if self.list.is_narrowed() => {
+                self.list.search("");
+                return vec![Effect::Say("all signals".into())];
+            }
+            Action::Back if self.is_large => {
+                self.is_large = false;
+                return vec![Effect::Say("the list again".into())];
+            }
+            _ => {}
+        }
+        Vec::new()
+    }
+
+    fn click(&mut self, x: u16, y: u16, area: Rect, core: &Core) -> Vec<Effect> {
+        let parts = self.parts(area);
+        self.is_list_clicked = parts.list.contains(Position::new(x, y));
+        if self.is_list_clicked {
+            self.list.click(core, parts.list, y);
+            return Vec::new();
+        }
+        let time = |plot: &Plot<'_>| plot.time_at(parts.plot, x).map(|time| plot.beside(parts.plot, time, 0));
+        let is_plot = !self.picked.is_empty() && parts.plot.contains(Position::new(x, y));
+        match self.with_plot(core, time).flatten().filter(|_| is_plot) {
+            Some(time) => self.go(time),
+            None => Vec::new(),
+        }
+    }
+
+    fn refresh(&mut self, core: &Core) {
+        self.list.refresh(core);
+        self.view.refresh(core, &self.keys());
+    }
+
+    fn offer(&mut self, effect: &Effect, core: &Core) {
+        match effect {
+            Effect::Plot(key) => {
+                if self.list.selected().is_none_or(|selected| self.look_of(selected).is_none()) {
+                    self.list.select(key);
+                }
+                self.refused += usize::from(!self.pick(key));
+            }
+            Effect::Go(Place::Time(time)) if self.view.cursor(core) == Some(time.0) => {}
+            Effect::Go(_) => self.view.forget_aim(),
+            _ => {}
+        }
+    }
+
+    fn search(&mut self, text: &str, _core: &Core) -> bool {
+        self.list.search(text);
+        true
+    }
+
+    fn actions(&self) -> &'static [Action] {
+        &[
+            Action::Toggle,
+            Action::Search,
+            Action::ZoomIn,
+            Action::ZoomOut,
+            Action::SetCursor,
+            Action::Clear,
+            Action::Copy,
+            Action::Open,
+        ]
+    }
+
+    #[expect(
+        clippy::redundant_closure_for_method_calls,
+        reason = "only a closure takes a plot of any lifetime"
+    )]
+    fn line(&self, core: &Core) -> Option<String> {
+        if self.picked.is_empty() {
+            return self.list.line(core);
+        }
+        self.with_plot(core, |plot| plot.legend())
+    }
+}
+
+fn no_times() -> Effect {
+    Effect::Refuse("this capture has no times".into())
+}
+
+/// Puts in what is known to hold at a time, where buckets are too long to tell.
+fn put(points: &mut Arc<Vec<Bucket>>, time: i64, value: f64) {
+    let behind = points.partition_point(|bucket| bucket.t <= time);
+    let Some(place) = behind.checked_sub(1) else { return };
+    if points
+        .get(place)
+        .is_some_and(|bucket| !bucket.last.is_nan() && bucket.last.to_bits() != value.to_bits())
+    {
+        let exact = Bucket { t: time, min: value, max: value, last: value };
+        Arc::make_mut(points).insert(behind, exact);
+    }
+}
+
+#[cfg(test)]
+mod tests;

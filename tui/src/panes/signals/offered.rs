@@ -1,0 +1,77 @@
+//! Which signals an event is about.
+//!
+//! ```text
+//! PDO, J1939 message, message of a database ▸ all it carries
+//! set point, bits, object                  ▸ the signal that brings that object
+//! anything else about a node               ▸ its set points and actual values
+//! ```
+
+use cobscope_decoder::event::{Event, EventKind};
+use cobscope_decoder::profile::{Carrier, Field, Role};
+use cobscope_decoder::replay::World;
+use cobscope_decoder::statistics::IdentifierRow;
+use cobscope_decoder::wire::canopen::ObjectAddress;
+
+use crate::app::{Core, Effect, PaneId, SignalKey};
+use crate::timeline::signal::carried;
+
+/// What plotting the selected event comes to.
+pub fn plot(core: &Core) -> Vec<Effect> {
+    let Some(row) = core.row() else { return vec![Effect::Refuse("no event is selected".into())] };
+    let end = core.timeline.end();
+    // Early in a capture what is known at its end tells more.
+    let mut found = core.world().into_iter().chain(end.as_deref()).map(|world| signals(&row.event, world));
+    match found.find(|signals| !signals.is_empty()) {
+        Some(signals) => {
+            signals.into_iter().map(Effect::Plot).chain([Effect::Show(PaneId::Signals)]).collect()
+        }
+        None => vec![Effect::Refuse("nothing of this event can be plotted".into())],
+    }
+}
+
+/// The signals of an event, as far as the world knows them.
+fn signals(event: &Event, world: &World) -> Vec<SignalKey> {
+    if let Some((id, layout, _)) = carried(event) {
+        return SignalKey::all(event.bus, id, layout).collect();
+    }
+    let mut rows =
+        world.identifiers().rows().iter().filter(|row| {
+            !row.is_remote && row.bus == event.bus && row.node.is_some() && row.node == event.node
+        });
+    let Some((object, carrier)) = object(event) else {
+        return rows.flat_map(|row| of_row(row, is_commanded_or_measured)).collect();
+    };
+    let is_wanted = |field: &Field| field.object() == Some(object);
+    let is_carrier = |row: &&IdentifierRow| match carrier {
+        Some(Carrier::Pdo(name)) => row.pdo == Some(*name),
+        Some(Carrier::Message(_)) | None => true,
+    };
+    let found = rows.clone().filter(is_carrier).find_map(|row| of_row(row, is_wanted).next());
+    let others = || rows.find_map(|row| of_row(row, is_wanted).next());
+    found.or_else(others).into_iter().collect()
+}
+
+/// Those fields of what an identifier carries.
+fn of_row(row: &IdentifierRow, is_wanted: impl Fn(&Field) -> bool) -> impl Iterator<Item = SignalKey> {
+    let fields = row.layout.iter().flat_map(|layout| {
+        layout.fields.iter().enumerate().map(move |(place, field)| (layout, place, field))
+    });
+    fields
+        .filter(move |(_, _, field)| is_wanted(field))
+        .filter_map(|(layout, place, _)| SignalKey::new(row.bus, row.id, layout, place))
+}
+
+fn is_commanded_or_measured(field: &Field) -> bool {
+    let role = field.meaning.as_deref().and_then(|meaning| meaning.role);
+    matches!(role, Some(Role::SetPoint | Role::Actual))
+}
+
+/// The object an event is about, and what brought it.
+fn object(event: &Event) -> Option<(ObjectAddress, Option<&Carrier>)> {
+    match &event.kind {
+        EventKind::SetPoint(set_point) => Some((set_point.object, Some(&set_point.carrier))),
+        EventKind::BitsChanged(bits) => Some((bits.object, None)),
+        EventKind::Mode(mode) => Some((mode.object, None)),
+        _ => None,
+    }
+}
