@@ -14,7 +14,6 @@ use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 use cobscope_decoder::frame::{BusIndex, CanId};
-use cobscope_decoder::profile::{DataType, Field};
 use cobscope_decoder::replay::World;
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::sink::escape;
@@ -223,36 +222,13 @@ impl Frames {
         let Some(layout) = &row.layout else {
             return vec![Effect::Refuse(format!("what the bits of {} mean is not known", row.id))];
         };
-        let fields = layout.fields.iter().enumerate().filter(|(_, field)| is_number(field));
-        let plot = |(place, field): (usize, &Field)| {
-            let meaning = field.meaning.as_deref();
-            let name = meaning.map_or_else(|| field.id.to_string(), |meaning| meaning.name.clone());
-            Effect::Plot(SignalKey {
-                bus: row.bus,
-                id: row.id,
-                field: place,
-                name: escape(&name).into_owned(),
-                unit: meaning.map_or(String::new(), |meaning| escape(&meaning.unit).into_owned()),
-                layout: layout.clone(),
-            })
-        };
-        let mut effects: Vec<Effect> = fields.map(plot).collect();
-        let said = format!("{} of {}", plural(effects.len(), "signal"), row.id);
-        effects.push(if effects.is_empty() { Effect::Refuse(said) } else { Effect::Say(said) });
+        let mut effects: Vec<Effect> = SignalKey::all(row.bus, row.id, layout).map(Effect::Plot).collect();
+        if effects.is_empty() {
+            return vec![Effect::Refuse(format!("{} carries no numbers", row.id))];
+        }
+        effects.push(Effect::Show(PaneId::Signals));
         effects
     }
-}
-
-/// Whether a field is a quantity: neither text, a state nor single bits.
-fn is_number(field: &Field) -> bool {
-    use DataType::{Boolean, Domain, OctetString, TimeDifference, TimeOfDay, UnicodeString, VisibleString};
-    let is_kind = !matches!(
-        field.data_type,
-        Boolean | Domain | OctetString | TimeDifference | TimeOfDay | UnicodeString | VisibleString
-    );
-    let is_coded =
-        field.meaning.as_deref().is_some_and(|meaning| meaning.values.is_some() || meaning.bits.is_some());
-    is_kind && !is_coded
 }
 
 /// Milliseconds in seven columns.

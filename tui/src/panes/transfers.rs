@@ -287,7 +287,7 @@ impl Pane for Transfers {
                 drop(survey);
                 let Some((spot, bus, node)) = place else { return Vec::new() };
                 let node = node.map(|node| Effect::Node((bus, node)));
-                let rest = [Effect::Go(Place::Spot(spot)), Effect::Show(PaneId::Events)];
+                let rest = [Effect::Go(Place::Spot(spot)), Effect::Show(PaneId::Detail)];
                 return node.into_iter().chain(rest).collect();
             }
             _ => {}

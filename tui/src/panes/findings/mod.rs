@@ -167,7 +167,7 @@ impl Findings {
         let rest = [
             Effect::Go(Place::Frame(facts.frame)),
             Effect::Say(core.finding_text(item.id)),
-            Effect::Show(PaneId::Events),
+            Effect::Show(PaneId::Detail),
         ];
         node.into_iter().chain(rest).collect()
     }
