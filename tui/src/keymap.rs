@@ -71,7 +71,7 @@ pub const KEYMAP: &[Binding] = &[
     key(&["G", "end"], Action::Bottom, "end", "to the end", Group::Move),
     key(&["enter"], Action::Open, "open", "into what is selected: its detail, its evidence", Group::Move),
     key(&["esc", "backspace"], Action::Back, "back", "back out of it", Group::Move),
-    key(&["x"], Action::Toggle, "choose", "unfold, fold or choose what is selected", Group::Move),
+    key(&["x"], Action::Toggle, "unfold", "unfold, fold or choose what is selected", Group::Move),
     key(&["]"], Action::NextFinding, "finding", "next finding", Group::Time),
     key(&["["], Action::PreviousFinding, "finding", "previous finding", Group::Time),
     key(&["e"], Action::NextError, "error", "next event that tells of an error", Group::Time),

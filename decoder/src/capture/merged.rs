@@ -74,6 +74,14 @@ struct PartPosition {
 }
 
 impl MergedPosition {
+    /// The place in the one capture there is, if there is only one and its stamps are as recorded.
+    pub fn alone(&self) -> Option<Position> {
+        match self.parts.as_slice() {
+            [part] if part.lane.shift == 0 => Some(part.position.clone()),
+            _ => None,
+        }
+    }
+
     /// Byte of each decompressed capture from which it is read again.
     pub fn offsets(&self) -> impl Iterator<Item = u64> {
         self.parts.iter().map(|part| part.position.offset)

@@ -199,6 +199,8 @@ pub struct Format {
     pub name: &'static str,
     /// What people call it.
     pub title: &'static str,
+    /// A line a frame: it can be entered behind the end of any line.
+    pub is_text: bool,
     /// Whether the first bytes of a capture (up to 64 KiB) look like it.
     pub detect: fn(&[u8]) -> bool,
     /// A parser at the start of a capture.

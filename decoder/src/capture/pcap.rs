@@ -30,6 +30,7 @@ const LARGEST_PACKET: usize = LARGEST_RECORD - PACKET_HEADER;
 pub(super) const FORMAT: Format = Format {
     name: "pcap",
     title: TITLE,
+    is_text: false,
     detect: |head| {
         matches!(
             head.first_chunk().map(|magic| u32::from_be_bytes(*magic)),

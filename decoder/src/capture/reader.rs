@@ -28,6 +28,13 @@ pub struct Position {
     parser: Box<dyn Parser>,
 }
 
+impl Position {
+    /// Whether the capture is text: it can be entered behind the end of any line.
+    pub fn is_text(&self) -> bool {
+        self.format.is_text
+    }
+}
+
 impl Clone for Position {
     fn clone(&self) -> Self {
         Self { offset: self.offset, format: self.format, parser: self.parser.clone_box() }

@@ -145,3 +145,56 @@ impl Latest {
         self.nodes.values().map(|node| size_of::<LatestOfNode>() + lists(node)).sum()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::capture::BusNames;
+    use crate::frame::{CanId, Frame};
+    use crate::replay::World;
+    use crate::session::SessionOptions;
+
+    /// What is known of node 5 behind frames: milliseconds, identifier, data.
+    fn behind(frames: &[(i64, u16, &[u8])]) -> LatestOfNode {
+        let mut world = World::new(SessionOptions::default());
+        let names = BusNames::default();
+        for (number, (time, id, data)) in (1..).zip(frames) {
+            let mut frame = Frame::data_frame(CanId::standard(*id), data);
+            (frame.number, frame.time) = (number, Some(Timestamp(time * 1_000_000)));
+            world.push(&frame, &names, &mut |_| ());
+        }
+        world.latest().of(BusIndex(0), NodeId::Canopen(5)).cloned().unwrap_or_default()
+    }
+
+    const BOOT: (i64, u16, &[u8]) = (10, 0x705, &[0]);
+    const RAISED: (i64, u16, &[u8]) = (30, 0x085, &[0x30, 0x81, 0x11, 0, 0, 0, 0, 0]);
+
+    #[test]
+    fn a_start_and_an_error_have_their_times() {
+        let node = behind(&[BOOT, RAISED]);
+        let start = node.start().unwrap();
+        assert_eq!((start.frame, start.time), (1, Some(Timestamp(10_000_000))));
+        assert_eq!(node.raised(Code::Emcy(0x8130)), Some(Timestamp(30_000_000)));
+        assert_eq!(node.raised(Code::Emcy(0x8131)), None);
+    }
+
+    #[test]
+    fn errors_end_with_a_start_or_when_all_are_gone() {
+        let again = (40, BOOT.1, BOOT.2);
+        let gone: (i64, u16, &[u8]) = (40, 0x085, &[0; 8]);
+        for last in [again, gone] {
+            assert_eq!(behind(&[BOOT, RAISED, last]).raised(Code::Emcy(0x8130)), None);
+        }
+        // Raised again: the time of the last message.
+        let repeated = (50, RAISED.1, RAISED.2);
+        let node = behind(&[BOOT, RAISED, repeated]);
+        assert_eq!(node.raised(Code::Emcy(0x8130)), Some(Timestamp(50_000_000)));
+    }
+
+    #[test]
+    fn what_is_kept_is_bounded() {
+        let mut list = Vec::new();
+        (0..1_000).for_each(|code| note(&mut list, Code::Emcy(code), ()));
+        assert_eq!((list.len(), list.last()), (MOST, Some(&(Code::Emcy(999), ()))));
+    }
+}

@@ -181,9 +181,12 @@ impl Core {
         self.is_waiting || self.exports > 0
     }
 
-    /// Goes on to the end where that is followed.
+    /// Goes on to the end where that is followed, and looks again for a place that was not read yet.
     pub fn follow(&mut self) {
         let frames = self.timeline.progress().frames();
+        if self.is_pending() && !self.is_waiting {
+            self.refresh();
+        }
         if self.is_following && !self.is_waiting && frames > self.followed {
             self.followed = frames;
             self.go(Place::End);
@@ -232,6 +235,9 @@ impl Core {
 
     /// Which of them is the cursor's.
     pub fn selected(&self) -> usize {
+        if let Some(window) = self.window.as_ref().filter(|window| window.is_pending) {
+            return window.selected;
+        }
         let behind = self.rows().partition_point(|row| row.spot <= self.cursor);
         behind.saturating_sub(1)
     }

@@ -96,6 +96,21 @@ impl App {
         std::mem::take(&mut self.outputs)
     }
 
+    /// Whether what is at the place gone to is still on its way.
+    pub fn is_seeking(&self) -> bool {
+        self.core.is_waiting()
+    }
+
+    /// Whether the captures are read to their end.
+    pub fn is_indexed(&self) -> bool {
+        self.core.timeline.progress().is_complete()
+    }
+
+    /// Frames read so far.
+    pub fn frames(&self) -> u64 {
+        self.core.timeline.progress().frames()
+    }
+
     /// Whether more is on its way without anything being done.
     pub fn is_busy(&self) -> bool {
         let timeline = &self.core.timeline;

@@ -175,6 +175,7 @@ impl App {
     }
 
     fn apply(&mut self, effects: Vec<Effect>) {
+        let mut is_plotted = false;
         for effect in effects {
             for pane in self.panes.all_mut() {
                 pane.offer(&effect, &self.core);
@@ -184,7 +185,7 @@ impl App {
                 Effect::Show(pane) => self.show(pane),
                 Effect::Filter(text) => self.filter(&text),
                 Effect::Node(node) => self.core.node = Some(node),
-                Effect::Plot(_) => {}
+                Effect::Plot(_) => is_plotted = true,
                 Effect::Say(text) => self.core.say(&text),
                 Effect::Refuse(text) => self.core.refuse(&text),
                 Effect::Copy(text) => {
@@ -192,6 +193,9 @@ impl App {
                     self.outputs.push(Output::Copy(text));
                 }
             }
+        }
+        if is_plotted {
+            self.show(PaneId::Signals);
         }
         self.refresh_panes();
     }
@@ -231,7 +235,21 @@ impl App {
         if asking == Asking::Filter {
             prompt.set_text(&self.core.filter);
         }
+        if asking == Asking::Export {
+            prompt.set_text(&self.export_name());
+        }
         self.mode = Mode::Asking(asking, prompt);
+    }
+
+    /// A name for an export, in the folder the program was started in.
+    fn export_name(&self) -> String {
+        let name = self.core.timeline.lanes().first().map_or("-", |lane| lane.store.name());
+        let stem = std::path::Path::new(name).file_stem().and_then(|stem| stem.to_str());
+        let stem = stem.filter(|stem| *stem != "-").unwrap_or("capture");
+        match self.core.selected_frames() {
+            Some((first, last)) => format!("{stem}-{first}-{last}.log"),
+            None => format!("{stem}-export.log"),
+        }
     }
 
     /// The text in the prompt changed, is done or given up.
@@ -250,6 +268,9 @@ impl App {
             PromptEvent::Ignored => {}
             PromptEvent::Cancelled => {
                 self.mode = Mode::Panes;
+                if asking == Asking::Search {
+                    self.search_pane("");
+                }
             }
             PromptEvent::Changed => {
                 if let Err((offset, reason)) = check(asking, &text) {

@@ -14,6 +14,7 @@ use ratatui::layout::Rect;
 use ratatui::style::Style;
 
 use super::Pane;
+use super::detail::Detail;
 use crate::app::{Action, Core, Effect, PaneId, Place, role_of};
 use crate::theme::{Glyph, Role};
 use crate::timeline::Row as EventRow;
@@ -25,6 +26,9 @@ use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};
 pub struct Events {
     column: usize,
     highlight: Option<String>,
+    /// All of the selected event is shown below.
+    is_open: bool,
+    detail: Detail,
 }
 
 /// Columns, in order; the number is that of [`cell`].
@@ -43,10 +47,23 @@ fn columns() -> Vec<Column> {
     ]
 }
 
+/// Height from which an event can be opened below the table.
+const LEAST_SPLIT: u16 = 12;
+
 /// Width from which objects have a column of their own.
 const WIDE: u16 = 150;
 
 impl Events {
+    /// Room for the table, and for what is below it.
+    fn split(&self, area: Rect) -> (Rect, Option<Rect>) {
+        if !self.is_open || area.height < LEAST_SPLIT {
+            return (area, None);
+        }
+        let above = area.height * 2 / 5;
+        let below = Rect { y: area.y + above, height: area.height - above, ..area };
+        (Rect { height: above, ..area }, Some(below))
+    }
+
     /// What is in view: rows around the cursor, and which of them is selected.
     fn view(core: &Core, height: usize) -> (std::ops::Range<usize>, usize) {
         let state = TableState { selected: core.selected(), ..TableState::default() };
@@ -71,6 +88,13 @@ impl Events {
 
 impl Pane for Events {
     fn render(&self, core: &Core, area: Rect, buf: &mut Buffer) {
+        let (area, below) = self.split(area);
+        if let Some(below) = below {
+            let line = core.theme.glyph(Glyph::Horizontal).repeat(usize::from(below.width));
+            draw::put(buf, below.x, below.y, below.width, &line, core.theme.style(Role::Border));
+            let below = Rect { y: below.y + 1, height: below.height - 1, ..below };
+            self.detail.render(core, below, buf);
+        }
         let inside = Rect { width: area.width.saturating_sub(1), ..area };
         let height = Table::height(inside);
         let (range, selected) = Self::view(core, height);
@@ -99,9 +123,19 @@ impl Pane for Events {
         }
     }
 
+    fn refresh(&mut self, core: &Core) {
+        self.detail.refresh(core);
+    }
+
     fn act(&mut self, action: Action, core: &Core) -> Vec<Effect> {
-        let page = isize::try_from(core.height.saturating_sub(2)).unwrap_or(1);
+        let shown = self.split(Rect::new(0, 0, 80, core.height)).0.height;
+        let page = isize::try_from(shown.saturating_sub(2)).unwrap_or(1);
         match action {
+            Action::Toggle => {
+                self.is_open = !self.is_open;
+                Vec::new()
+            }
+            Action::Sort => vec![Effect::Refuse("events stand in the order of time".into())],
             Action::Down => Self::step(core, 1),
             Action::Up => Self::step(core, -1),
             Action::PageDown => Self::step(core, page),
@@ -136,6 +170,10 @@ impl Pane for Events {
     }
 
     fn click(&mut self, x: u16, y: u16, area: Rect, core: &Core) -> Vec<Effect> {
+        let (area, _) = self.split(area);
+        if y >= area.bottom() {
+            return Vec::new();
+        }
         let inside = Rect { width: area.width.saturating_sub(1), ..area };
         if x >= inside.right() {
             return to_share(core, y, area);
@@ -154,6 +192,7 @@ impl Pane for Events {
     fn actions(&self) -> &'static [Action] {
         &[
             Action::Open,
+            Action::Toggle,
             Action::Filter,
             Action::FilterCell,
             Action::News,

@@ -10,6 +10,7 @@
 //!
 //! Each is a thread; what they find lies in [`Shared`], and a piece of [`News`] says that it changed.
 
+mod ahead;
 mod export;
 mod index;
 mod load;

@@ -144,6 +144,9 @@ impl Seeker {
         let is_complete = self.shared.progress.is_complete();
         let frames = self.shared.progress.frames();
         let is_pending = !is_complete && self.is_behind(order.target, frames);
+        if is_pending && let Some(window) = self.pending(order).filter(|window| !window.rows.is_empty()) {
+            return Ok(Some(window));
+        }
         let Some(mut spot) = self.spot_of(order.target, frames, is_stale)? else { return Ok(None) };
         let mut is_missed = false;
         if let Some(search) = &order.search {
@@ -164,10 +167,22 @@ impl Seeker {
             };
             if window.selected + 1 >= order.before || from == 0 || matches.is_some() {
                 let Some(frames) = self.frames(&window, is_stale)? else { return Ok(None) };
-                return Ok(Some(Window { is_pending, is_missed, frames, ..window }));
+                return Ok(Some(Window { frames, is_pending, is_missed, ..window }));
             }
             span = span.saturating_mul(8);
         }
+    }
+
+    /// What can be shown at once of a place the index has not reached: its frames as they are.
+    fn pending(&self, order: &Order) -> Option<Window> {
+        let index = self.shared.index.read().unwrap_or_else(PoisonError::into_inner);
+        let world = Arc::new(index.marks().last()?.world.clone());
+        drop(index);
+        let rows = super::ahead::rows(&self.shared, order.target, order.before.max(1), &world)?;
+        let selected = if order.target == Target::End { rows.len().checked_sub(1)? } else { 0 };
+        let spot = Spot::behind(world.frames());
+        let (is_pending, is_missed, frames) = (true, false, Vec::new());
+        Some(Window { serial: order.serial, rows, selected, spot, world, is_pending, is_missed, frames })
     }
 
     /// Whether a place lies behind what is indexed.

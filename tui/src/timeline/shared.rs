@@ -122,6 +122,11 @@ impl Shared {
         Merged::resume(sources.map(|(lane, offset)| lane.store.reader(offset)).collect(), position)
     }
 
+    /// Whether more frames are still coming, and these are all by now.
+    pub(super) fn is_at_head(&self, frames: u64) -> bool {
+        frames >= self.progress.frames() && !self.lanes.iter().all(|lane| lane.store.length().1)
+    }
+
     pub(super) fn fail(&self, error: &CaptureError) {
         let mut failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
         failure.get_or_insert_with(|| error.to_string());

@@ -31,7 +31,7 @@ use crate::frame::{Frame, Timestamp};
 const DETECTING_LINES: usize = 50;
 
 pub(super) const FORMAT: Format =
-    Format { name: "asc", title: "Vector ASC", detect, parser: |_| Box::new(Asc::default()) };
+    Format { name: "asc", title: "Vector ASC", is_text: true, detect, parser: |_| Box::new(Asc::default()) };
 
 /// A line of the header, whole: of one still coming in, the end may be anything.
 fn detect(head: &[u8]) -> bool {

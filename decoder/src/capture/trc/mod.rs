@@ -27,7 +27,7 @@ const DETECTING_LINES: usize = 200;
 const MOST_COLUMNS: usize = 16;
 
 pub(super) const FORMAT: Format =
-    Format { name: "trc", title: "PEAK TRC", detect, parser: |_| Box::new(Trc::new()) };
+    Format { name: "trc", title: "PEAK TRC", is_text: true, detect, parser: |_| Box::new(Trc::new()) };
 
 /// A version line, or comments and then a line of version 1.0. PEAK's LIN traces begin alike, but have
 /// a checksum column.

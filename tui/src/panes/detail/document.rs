@@ -10,6 +10,7 @@
 //!   code = 0x8305                        everything, as filters call it
 //! ```
 
+use cobscope_decoder::event::EventKind;
 use cobscope_decoder::sink::escape;
 use ratatui::text::{Line, Span};
 
@@ -118,7 +119,7 @@ impl Item {
 }
 
 /// Everything said of the event at the cursor.
-pub(super) fn items(core: &Core, row: Option<&Row>, payload: &Payload) -> Vec<Item> {
+pub(super) fn items(core: &Core, row: Option<&Row>, payload: &Payload, chosen: Option<usize>) -> Vec<Item> {
     let mut all = judged::items(core, row);
     if !payload.bytes.is_empty() {
         all.push(Item::heading(&format!("Fields ({})", payload.source)));
@@ -126,12 +127,16 @@ pub(super) fn items(core: &Core, row: Option<&Row>, payload: &Payload) -> Vec<It
     }
     let Some(row) = row else {
         all.push(Item::quiet("no event of this frame is shown; v shows all events, c clears the filter"));
+        if let Some(before) = core.row().filter(|row| row.spot < core.cursor) {
+            let text = format!("before it {{{}}} {}", before.event.frames.last, told(core, before));
+            all.push(Item::new(&text, Role::Link).leading(Leads::Place(Place::Spot(before.spot))));
+        }
         return all;
     };
     let bus = core.world().and_then(|world| world.buses().iter().find(|bus| bus.index() == row.event.bus));
     let Some(bus) = bus.filter(|_| row.spot <= core.cursor) else {
         let text = "the cursor is before this event; Enter goes to it";
-        all.push(Item::new(text, Role::Link).leading(Leads::Place(Place::Spot(row.spot))));
+        all.insert(0, Item::new(text, Role::Link).leading(Leads::Place(Place::Spot(row.spot))));
         return all;
     };
     let node = row.event.node.and_then(|node| bus.node(node));
@@ -140,7 +145,7 @@ pub(super) fn items(core: &Core, row: Option<&Row>, payload: &Payload) -> Vec<It
         all.push(Item::heading("By the manual"));
         all.extend(advice);
     }
-    let exchange = exchange::items(core, node, &row.event);
+    let exchange = exchange::items(core, node, &row.event, chosen);
     if !exchange.is_empty() {
         all.push(Item::heading("Exchange"));
         all.extend(exchange);
@@ -192,8 +197,12 @@ fn related(core: &Core, row: &Row, keys: &[keys::Key]) -> Vec<Item> {
         }
     }
     let kind = std::mem::discriminant(&row.event.kind);
+    // Of messages that are signals and nothing else those of the same identifier are alike.
+    let has_signals =
+        matches!(row.event.kind, EventKind::Pdo(_) | EventKind::J1939Message(_) | EventKind::Frame(_));
     let is_like = |other: &&Row| {
-        (other.event.bus, other.event.node) == (row.event.bus, row.event.node)
+        (!has_signals || other.id() == row.id())
+            && (other.event.bus, other.event.node) == (row.event.bus, row.event.node)
             && std::mem::discriminant(&other.event.kind) == kind
     };
     let before = core.rows().iter().rev().filter(|other| other.spot < row.spot).find(is_like);

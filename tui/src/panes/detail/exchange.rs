@@ -26,7 +26,7 @@ const SHOWN_BYTES: usize = 256;
 const BYTES_A_LINE: usize = 16;
 
 /// What is to be told of an exchange; nothing of other events.
-pub(super) fn items(core: &Core, node: Option<&Node>, event: &Event) -> Vec<Item> {
+pub(super) fn items(core: &Core, node: Option<&Node>, event: &Event, chosen: Option<usize>) -> Vec<Item> {
     let mut items = Vec::new();
     match &event.kind {
         EventKind::SdoTransfer(transfer) => sdo(core, node, transfer, &mut items),
@@ -35,7 +35,7 @@ pub(super) fn items(core: &Core, node: Option<&Node>, event: &Event) -> Vec<Item
         EventKind::IsoTpTransfer(transfer) => iso_tp(transfer, &mut items),
         _ => return items,
     }
-    frames(core, event, &mut items);
+    frames(core, event, chosen, &mut items);
     items
 }
 
@@ -208,7 +208,7 @@ fn said(what: &str, message: &Message, items: &mut Vec<Item>) {
 }
 
 /// Its frames by time, as far as they are at hand; Enter shows one's bits.
-fn frames(core: &Core, event: &Event, items: &mut Vec<Item>) {
+fn frames(core: &Core, event: &Event, chosen: Option<usize>, items: &mut Vec<Item>) {
     let frames = core.window.as_ref().map_or(&[][..], |window| &window.frames);
     if frames.is_empty() {
         let (first, last) = (event.frames.first, event.frames.last);
@@ -219,7 +219,9 @@ fn frames(core: &Core, event: &Event, items: &mut Vec<Item>) {
     }
     items.push(Item::heading("Frames (Enter: its bits)"));
     for (place, frame) in frames.iter().enumerate() {
-        items.push(Item::new(&line(core, event, frame, frames), Role::Text).leading(Leads::Frame(place)));
+        let shown = if chosen == Some(place) { "  (its bits are shown)" } else { "" };
+        let text = format!("{}{shown}", line(core, event, frame, frames));
+        items.push(Item::new(&text, Role::Text).leading(Leads::Frame(place)));
     }
 }
 
@@ -231,10 +233,15 @@ fn line(core: &Core, event: &Event, frame: &Frame, all: &[Frame]) -> String {
             let service = of_sdo(transfer, all, frame);
             (frame.id == transfer.request, service.shape(frame.data()).map_or("", |shape| shape.name))
         }
-        EventKind::J1939Transfer(_) => {
+        EventKind::J1939Transfer(transfer) => {
+            let is_from_sender = frame.id.number() & 0xFF == u32::from(transfer.source);
             let is_data = frame.id.number() >> 16 & 0xFF == 0xEB;
             let service = if is_data { &services::TP_DT } else { &services::TP_CM };
-            (true, service.shape(frame.data()).map_or("", |shape| shape.name))
+            (is_from_sender, service.shape(frame.data()).map_or("", |shape| shape.name))
+        }
+        EventKind::UdsExchange(exchange) => {
+            let is_request = exchange.request.as_ref().is_some_and(|request| request.id == frame.id);
+            (is_request, services::ISO_TP.shape(frame.data()).map_or("", |shape| shape.name))
         }
         _ => (true, services::ISO_TP.shape(frame.data()).map_or("", |shape| shape.name)),
     };

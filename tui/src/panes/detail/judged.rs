@@ -7,11 +7,11 @@
 //! ```
 
 use cobscope_decoder::finding::{Cause, Findings, Group, Occurrence, RuleInfo};
-use cobscope_decoder::profile::device::Severity;
 use cobscope_decoder::rules::{declarations, manual};
 
 use super::document::{Item, Leads};
 use crate::app::{Core, Place};
+use crate::panes::common::severity_role;
 use crate::theme::Role;
 use crate::timeline::{Row, Survey};
 
@@ -48,18 +48,9 @@ pub(super) fn items(core: &Core, row: Option<&Row>) -> Vec<Item> {
     items
 }
 
-/// How a severity looks.
-pub(super) fn role(severity: Severity) -> Role {
-    match severity {
-        Severity::Error => Role::Bad,
-        Severity::Warning => Role::Caution,
-        Severity::Note => Role::Note,
-    }
-}
-
 fn of_group(core: &Core, findings: &Findings, group: &Group, items: &mut Vec<Item>) {
     let head = format!("{} {}: {}", group.severity.name(), group.rule, group.text);
-    items.push(Item::new(&head, role(group.severity)));
+    items.push(Item::new(&head, severity_role(group.severity)));
     let mut facts = Vec::new();
     if group.count > 1 {
         facts.push(format!("{} times, first {}", group.count, place(core, &group.began())));
@@ -109,7 +100,7 @@ fn so_far(core: &Core, survey: &Survey, frames: &[u64], items: &mut Vec<Item>) {
     for opened in survey.news.iter().filter(|opened| frames.contains(&opened.spot.frame)) {
         let news = &opened.news;
         let head = format!("{} {}: {}", news.severity.name(), news.rule, news.text);
-        items.push(Item::new(&head, role(news.severity)));
+        items.push(Item::new(&head, severity_role(news.severity)));
         let cause = news.cause.and_then(|id| survey.news.iter().find(|other| other.news.id == id));
         if let Some(cause) = cause {
             let time = core.seconds(cause.time).map_or(String::new(), |time| format!(" {time:.3} s"));

@@ -115,7 +115,7 @@ fn formula(node: Option<&Node>, meaning: &Meaning, value: &Value) -> Option<Stri
     });
     if scale.offset != 0.0 {
         let sign = if scale.offset < 0.0 { '-' } else { '+' };
-        right.push_str(&format!(" {sign} {}", scale.offset.abs()));
+        right = format!("{right} {sign} {}", scale.offset.abs());
     }
     let shown = Meaning { values: None, special: None, bits: None, ..meaning.clone() }.show(value);
     Some(format!("raw {raw}{right} = {shown}"))
@@ -149,21 +149,16 @@ fn as_written(found: &Found<'_>, scale: Factor) -> Option<String> {
 fn source(core: &Core, node: Option<&Node>, what: &str, object: ObjectAddress) -> String {
     let meaning = node.and_then(|node| node.meaning(object));
     let name = meaning.as_ref().map_or(String::new(), |meaning| format!(" {}", meaning.name));
-    match node.and_then(|node| node.store().get(object)) {
-        Some(entry) => {
-            let stale = if entry.stale { ", assumed: it may have changed unseen" } else { "" };
-            let value = shown(meaning.as_ref(), &entry.value);
-            format!("{what} {object}{name} = {value}, {}{stale}", origin(core, entry))
-        }
-        None => {
-            let found = node.and_then(|node| Some((node.device().dictionary.find(object)?.entry?, node)));
-            let raw = found.and_then(|(entry, node)| entry.default_number(Some(node.id().number())));
-            let value = raw.zip(meaning).map(|(raw, meaning)| meaning.show(&meaning.number(raw)));
-            match value {
-                Some(value) => format!("{what} {object}{name} = {value}, assumed: as delivered"),
-                None => format!("{what} {object}{name}: not known"),
-            }
-        }
+    if let Some(entry) = node.and_then(|node| node.store().get(object)) {
+        let stale = if entry.stale { ", assumed: it may have changed unseen" } else { "" };
+        let value = shown(meaning.as_ref(), &entry.value);
+        return format!("{what} {object}{name} = {value}, {}{stale}", origin(core, entry));
+    }
+    let found = node.and_then(|node| Some((node.device().dictionary.find(object)?.entry?, node)));
+    let raw = found.and_then(|(entry, node)| entry.default_number(Some(node.id().number())));
+    match raw.zip(meaning).map(|(raw, meaning)| meaning.show(&meaning.number(raw))) {
+        Some(value) => format!("{what} {object}{name} = {value}, assumed: as delivered"),
+        None => format!("{what} {object}{name}: not known"),
     }
 }
 

@@ -48,8 +48,8 @@ const MOST_BITS: u16 = 8;
 /// The pane.
 #[derive(Debug, Default)]
 pub struct Detail {
-    /// Place this is about.
-    spot: Option<Spot>,
+    /// Place this is about, and whether the cursor has come to it.
+    spot: Option<(Spot, bool)>,
     /// Item the cursor is on.
     selected: usize,
     /// Bit the cursor is on.
@@ -78,7 +78,7 @@ impl Detail {
         let frames = core.window.as_ref().map_or(&[][..], |window| &window.frames);
         let chosen = self.frame.and_then(|frame| frames.get(frame));
         let payload = payload::of(core, row, chosen);
-        let items = document::items(core, row, &payload);
+        let items = document::items(core, row, &payload, self.frame);
         Told { row, payload, items }
     }
 
@@ -227,28 +227,27 @@ fn layout(told: &Told<'_>, title_lines: u16, area: Rect) -> Parts {
 /// Where and when, and the event's line.
 fn title(core: &Core, told: &Told<'_>) -> Vec<Line<'static>> {
     let time = told.row.map_or_else(|| core.time(), |row| row.event.time);
-    let mut place = core.seconds(time).map_or(String::new(), |time| format!("{time:.6} s  "));
-    if let Some(date) = time.and_then(date) {
-        place.push_str(&format!("{date}  "));
-    }
-    let Some(row) = told.row else {
-        place.push_str(&format!("frame {{{}}}  {}", core.cursor.frame, told.payload.title));
-        return vec![Line::styled(place, core.theme.style(Role::Quiet))];
+    let mut place: Vec<String> = core.seconds(time).map(|time| format!("{time:.6} s")).into_iter().collect();
+    place.extend(time.and_then(date));
+    let quiet = |place: &[String]| {
+        let text = cobscope_decoder::sink::escape(&place.join("  ")).into_owned();
+        Line::styled(text, core.theme.style(Role::Quiet))
     };
-    let frames = row.event.frames;
-    place.push_str(&match (frames.first, frames.last) {
-        (0, 0) => String::new(),
-        (first, last) if first == last => format!("{{{last}}}  "),
-        (first, last) => format!("{{{first}}}..{{{last}}}  "),
-    });
-    place.push_str(&format!("{}  {}", row.bus, told.payload.title));
-    let presumed = if row.event.presumed { "  presumed CANopen" } else { "" };
-    let place = cobscope_decoder::sink::escape(&format!("{}{presumed}", place.trim_end())).into_owned();
-    let text = format!("{} {} {}", row.who, row.kind, row.what());
-    vec![
-        Line::styled(place, core.theme.style(Role::Quiet)),
-        Line::styled(text, core.theme.style(role_of(row.tone))),
-    ]
+    let Some(row) = told.row else {
+        place.push(format!("frame {{{}}}", core.cursor.frame));
+        place.push(told.payload.title.clone());
+        return vec![quiet(&place)];
+    };
+    match (row.event.frames.first, row.event.frames.last) {
+        (0, 0) => {}
+        (first, last) if first == last => place.push(format!("{{{last}}}")),
+        (first, last) => place.push(format!("{{{first}}}..{{{last}}}")),
+    }
+    place.push(row.bus.clone());
+    place.extend(Some(told.payload.title.clone()).filter(|title| !title.is_empty()));
+    place.extend(row.event.presumed.then(|| "presumed CANopen".to_owned()));
+    let text = format!("{} {} {}", row.who, row.kind, row.what()).trim_start().to_owned();
+    vec![quiet(&place), Line::styled(text, core.theme.style(role_of(row.tone)))]
 }
 
 /// A stamp from 1973 on is a date and time; before it counts from the capture's beginning.
@@ -325,7 +324,8 @@ impl Pane for Detail {
 
     fn refresh(&mut self, core: &Core) {
         let spot = core.row().map(|row| row.spot).filter(|_| row(core).is_some());
-        let spot = Some(spot.unwrap_or(core.cursor));
+        let spot = spot.unwrap_or(core.cursor);
+        let spot = Some((spot, spot <= core.cursor));
         if self.spot != spot {
             *self = Self { spot, ..Self::default() };
         }

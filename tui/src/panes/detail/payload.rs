@@ -231,14 +231,7 @@ impl Place<'_> {
         if let Some(signal) = &signal {
             notes.extend(meaning::notes(self.core, self.node, field, signal));
         }
-        let signal = self.id.map(|can_id| SignalKey {
-            bus: self.index,
-            id: can_id,
-            field: number,
-            name: field.name().unwrap_or(&name).to_owned(),
-            unit: meaning.map(|meaning| meaning.unit.clone()).unwrap_or_default(),
-            layout: Arc::clone(layout),
-        });
+        let signal = self.id.and_then(|id| SignalKey::new(self.index, id, layout, number));
         let (bit, bits, order) = (field.bit, field.bits, field.order);
         Some(Part { name, bit, bits, order, value, notes, signal, is_assumed })
     }
@@ -264,7 +257,7 @@ impl Place<'_> {
             hex(bytes.get(first..end).unwrap_or_default())
         } else {
             let field = Field { order: slot.order, ..number(slot.bit, bits) };
-            self.words(slot.read, bits, field.extract(bytes).unwrap_or(0))
+            self.words(slot.read, bits, field.extract(bytes).unwrap_or(0), bytes)
         };
         let place = Field { order: slot.order, ..number(slot.bit, bits) };
         let notes = match slot.read {
@@ -276,7 +269,7 @@ impl Place<'_> {
     }
 
     /// A number in the words of its table.
-    fn words(&self, read: Read, bits: u16, raw: u64) -> String {
+    fn words(&self, read: Read, bits: u16, raw: u64, bytes: &[u8]) -> String {
         let digits = usize::from(bits.div_ceil(4));
         let small = u32::try_from(raw).unwrap_or(u32::MAX);
         let byte = u8::try_from(raw).unwrap_or(u8::MAX);
@@ -306,7 +299,10 @@ impl Place<'_> {
                 format!("{raw:02X}h {}", names.join(", "))
             }
             Read::Object => self.object(raw),
-            Read::Abort => format!("{raw:08X}h {}", abort_text(device, small, None)),
+            Read::Abort => {
+                let object = number(8, 24).extract(bytes).map(address);
+                format!("{raw:08X}h {}", abort_text(device, small, object))
+            }
             Read::Lss => format!("{raw:02X}h {}", lss().title(byte)),
             Read::Group => {
                 let name = pgn_name(Pgn::new(small)).map_or(String::new(), |name| format!(" {name}"));
@@ -324,10 +320,9 @@ impl Place<'_> {
         }
     }
 
-    /// `6040:00 Controlword`: index in the two low bytes, sub-index above.
+    /// `6040:00 Controlword`.
     fn object(&self, raw: u64) -> String {
-        let [low, high, sub, ..] = raw.to_le_bytes();
-        let object = ObjectAddress::new(u16::from_le_bytes([low, high]), sub);
+        let object = address(raw);
         let name = self.node.and_then(|node| node.meaning(object)).map(|meaning| meaning.name);
         name.map_or_else(|| object.to_string(), |name| format!("{object} {name}"))
     }
@@ -369,6 +364,12 @@ impl Place<'_> {
         let what = self.bus.map(|bus| bus.describe_id(id)).unwrap_or_default();
         format!("{id} {what}").trim_end().to_owned()
     }
+}
+
+/// An object of 24 bits: index in the two low bytes, sub-index above.
+fn address(raw: u64) -> ObjectAddress {
+    let [low, high, sub, ..] = raw.to_le_bytes();
+    ObjectAddress::new(u16::from_le_bytes([low, high]), sub)
 }
 
 /// Bit of a service identifier that makes it a response, and the identifier of a negative one.

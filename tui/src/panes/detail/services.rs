@@ -493,3 +493,59 @@ impl Service {
         all
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(service: &Service, bytes: &[u8]) -> Vec<String> {
+        service.slots(bytes).into_iter().map(|(name, _)| name).collect()
+    }
+
+    #[test]
+    fn frames_are_told_by_their_first_byte() {
+        let name = |service: &Service, first| service.shape(&[first]).map(|shape| shape.name);
+        assert_eq!(name(&SDO_REQUEST, 0x2B), Some("initiate download, expedited"));
+        assert_eq!(name(&SDO_REQUEST, 0x21), Some("initiate download"));
+        assert_eq!(name(&SDO_REQUEST, 0xA2), Some("block upload: acknowledge"));
+        assert_eq!(name(&SDO_RESPONSE, 0xC1), Some("block upload: end"));
+        assert_eq!(name(&SDO_RESPONSE, 0xE0), None);
+        assert_eq!(name(&ISO_TP, 0x21), Some("consecutive frame"));
+        assert_eq!(NMT.shape(&[]), None);
+    }
+
+    #[test]
+    fn only_what_the_frame_has_room_for_is_there() {
+        assert_eq!(names(&EMCY, &[0, 0, 0]), ["error code", "error register"]);
+        assert_eq!(names(&EMCY_SWAPPED, &[0]), Vec::<String>::new());
+        // Lamps, then four bytes a fault: one in eight bytes, two in ten.
+        let [one, two] = [8, 10].map(|length| names(&TROUBLE_CODES, &vec![0; length]).len());
+        assert_eq!((one, two), (10, 15));
+        assert_eq!(names(&TROUBLE_CODES, &[0; 10])[14], "2. occurrences");
+    }
+
+    #[test]
+    fn no_two_fields_of_a_frame_share_a_bit() {
+        let all =
+            [&SDO_REQUEST, &SDO_RESPONSE, &SDO_SEGMENT, &NMT, &ERROR_CONTROL, &SYNC, &TIME, &EMCY, &LSS];
+        let more = [&EMCY_SWAPPED, &ISO_TP, &TP_CM, &TP_DT, &REQUEST, &ACKNOWLEDGEMENT, &ADDRESS_CLAIM];
+        for service in all.iter().chain(&more).chain(&[&TROUBLE_CODES, &UDS]) {
+            for first in 0..=255 {
+                let bytes = [first, 0, 0, 0, 0, 0, 0, 0];
+                let mut taken = [false; 64];
+                for (name, slot) in service.slots(&bytes) {
+                    let bits = if slot.bits == 0 { 64 - slot.bit } else { slot.bits };
+                    for place in 0..bits {
+                        let bit = match slot.order {
+                            BitOrder::LittleEndian => slot.bit + place,
+                            BitOrder::BigEndian => ((slot.bit ^ 7) + place) ^ 7,
+                        };
+                        let bit = &mut taken[usize::from(bit)];
+                        assert!(!*bit, "{name} of {first:02X} in {}", service.source);
+                        *bit = true;
+                    }
+                }
+            }
+        }
+    }
+}

@@ -3,14 +3,17 @@
 use std::fmt::Write as _;
 
 use cobscope_decoder::event::{BootCause, Effective, StateCause};
+use cobscope_decoder::frame::CanId;
 use cobscope_decoder::profile::Carrier;
-use cobscope_decoder::replay::Code;
+use cobscope_decoder::replay::{Code, LatestOfNode, World};
+use cobscope_decoder::session::Bus;
 use cobscope_decoder::sink::escape;
+use cobscope_decoder::statistics::IdentifierRow;
 use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::wire::canopen::ObjectAddress;
 use ratatui::text::{Line as Text, Span};
 
-use super::line::{age, period};
+use super::line::{Key, age, period};
 use super::node::Subject;
 use crate::app::Core;
 use crate::theme::Role;
@@ -24,10 +27,82 @@ pub fn of_node(core: &Core, subject: &Subject<'_>, channel: Option<u8>) -> Vec<T
     lines.extend(start(core, subject).map(|text| (text, Role::Text)));
     lines.extend(identifiers(subject).map(|text| (text, Role::Quiet)));
     let styled = |(text, role): (String, Role)| {
-        let text = escape(&text).into_owned();
+        let text = super::plain(&core.theme, &escape(&text));
         Text::from(Span::styled(text, core.theme.style(role)))
     };
     lines.into_iter().map(styled).collect()
+}
+
+/// Lines about what is no node.
+pub fn of_other(core: &Core, key: Key) -> Vec<Text<'static>> {
+    let Some(world) = core.world() else { return Vec::new() };
+    let texts = match key {
+        Key::Master(bus) => world.buses().iter().find(|it| it.index() == bus).map(|bus| master(world, bus)),
+        Key::Orphan(bus, id) => {
+            let bus = world.buses().iter().find(|it| it.index() == bus);
+            bus.and_then(|bus| orphan(world, bus, id))
+        }
+        Key::Bus(_) | Key::Node(..) => None,
+    };
+    let texts = texts.unwrap_or_default().into_iter();
+    texts.map(|text| Text::styled(super::plain(&core.theme, &text), core.theme.style(Role::Text))).collect()
+}
+
+fn row_of<'a>(world: &'a World, bus: &Bus, id: CanId) -> Option<&'a IdentifierRow> {
+    world.identifiers().rows().iter().find(|row| row.bus == bus.index() && row.id == id && !row.is_remote)
+}
+
+/// What the master sends.
+fn master(world: &World, bus: &Bus) -> Vec<String> {
+    let mut texts =
+        vec!["whoever sends NMT commands, SYNC and guarding: CAN does not tell who that is".to_owned()];
+    if let Some(row) = row_of(world, bus, CanId::Standard(0)) {
+        texts.push(format!("{} NMT commands, the last {{{}}}", row.count, row.last_frame));
+    }
+    if let Some(row) = bus.last_sync().and_then(|id| row_of(world, bus, id)) {
+        texts.push(format!("SYNC {}: {}", row.id, rhythm(row)));
+    }
+    let guarded: Vec<_> =
+        bus.nodes().filter(|node| node.is_guarded()).map(|node| node.id().label()).collect();
+    if !guarded.is_empty() {
+        texts.push(format!("guards {}", guarded.join(", ")));
+    }
+    texts
+}
+
+/// What is known of an identifier nobody owns.
+fn orphan(world: &World, bus: &Bus, id: CanId) -> Option<Vec<String>> {
+    let row = row_of(world, bus, id)?;
+    let bytes: Vec<_> = row.payload().iter().take(8).map(|byte| format!("{byte:02X}")).collect();
+    let mut texts =
+        vec![format!("{id}: {}, the last {{{}}} {}", rhythm(row), row.last_frame, bytes.join(" "))];
+    if let Some((pdo, node)) = row.pdo.zip(row.node) {
+        let node = node.words();
+        texts.push(format!(
+            "by CiA 301 it is {pdo} of {node}, of which nothing was heard; the bus file can tell whose it is"
+        ));
+    } else {
+        texts.push("the bus file can tell whose it is".into());
+    }
+    Some(texts)
+}
+
+#[expect(clippy::cast_precision_loss, reason = "shown with a digit behind the point")]
+fn milliseconds(nanoseconds: i64) -> f64 {
+    nanoseconds as f64 / 1e6
+}
+
+/// `500 times, each 20.0 ms, from 19.4 to 20.6 ms`.
+fn rhythm(row: &IdentifierRow) -> String {
+    let intervals = &row.intervals;
+    match (intervals.mean(), intervals.shortest(), intervals.longest()) {
+        (Some(mean), Some(shortest), Some((longest, _))) => {
+            let all = [mean, shortest, longest].map(|it| format!("{:.1}", milliseconds(it)));
+            let [mean, shortest, longest] = all;
+            format!("{} times, each {mean} ms, from {shortest} to {longest} ms", row.count)
+        }
+        _ => format!("{} times", row.count),
+    }
 }
 
 /// `node 32/20 boom · PVEA (danfoss-pve-ci:pvea, by option) · vendor 1234, product 5, serial 6`.
@@ -118,7 +193,7 @@ fn start(core: &Core, subject: &Subject<'_>) -> Option<String> {
         };
         let _ = write!(text, "{} {by} {{{}}}", nmt.state.name(), nmt.frame);
     }
-    if let Some(start) = subject.latest.and_then(|latest| latest.start()) {
+    if let Some(start) = subject.latest.and_then(LatestOfNode::start) {
         let at = core.seconds(start.time).map_or_else(String::new, |time| format!(" at {time:.3} s"));
         let why = match start.cause {
             BootCause::Commanded { .. } => "commanded",

@@ -21,7 +21,7 @@ mod values;
 
 use cobscope_decoder::profile::{PdoDirection, Role as FieldRole};
 use cobscope_decoder::replay::World;
-use cobscope_decoder::session::Bus;
+use cobscope_decoder::session::{Bus, Node};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::NodeId;
 use ratatui::buffer::Buffer;
@@ -32,13 +32,15 @@ use self::line::{Key, Line, Shown};
 use self::node::Subject;
 use super::Pane;
 use crate::app::{Action, Core, Effect, NodeKey, PaneId, SignalKey};
-use crate::theme::{Glyph, Role};
+use crate::theme::{Borders, Glyph, Role, Theme};
 use crate::widgets::draw;
 use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};
 use crate::widgets::text_lines::TextLines;
 
 /// Column of whether set points act.
 const EFFECT: usize = 6;
+/// Column of errors.
+const ERRORS: usize = 8;
 /// Column of set points.
 const VALUES: usize = 5;
 /// Lines below the table at least, and how high the pane must be to have them.
@@ -71,6 +73,16 @@ impl Order {
             Self::Worst => Self::Name,
             Self::Name => Self::Device,
             Self::Device => Self::Number,
+        }
+    }
+
+    /// Column it is by, and whether descending.
+    const fn column(self) -> Option<(usize, bool)> {
+        match self {
+            Self::Number => None,
+            Self::Worst => Some((ERRORS, true)),
+            Self::Name => Some((1, false)),
+            Self::Device => Some((2, false)),
         }
     }
 
@@ -144,10 +156,8 @@ impl Nodes {
         let now = core.time();
         let mut blocks: Vec<Vec<Line>> =
             others::master(world, bus).into_iter().map(|line| vec![line]).collect();
-        for node in bus.nodes() {
-            if node.last_seen().0 != 0 || node.assigned().is_some() || node.name().is_some() {
-                blocks.push(Subject::new(world, bus, node, now).lines());
-            }
+        for node in bus.nodes().filter(|node| is_there(world, node)) {
+            blocks.push(Subject::new(world, bus, node, now).lines());
         }
         blocks.extend(others::orphans(world, bus, now).into_iter().map(|line| vec![line]));
         // Outputs of a node stay together.
@@ -188,22 +198,18 @@ impl Nodes {
     }
 
     fn state(&self, lines: &[Line]) -> TableState {
-        TableState { selected: self.selected(lines), column: self.column, ..TableState::default() }
+        let sort = self.order.column();
+        TableState { selected: self.selected(lines), column: self.column, sort, ..TableState::default() }
     }
 
     fn open(&mut self, core: &Core) -> Vec<Effect> {
         let Some(key) = self.chosen(core) else { return Vec::new() };
-        let Some(node) = key.node() else {
-            return match key {
-                Key::Orphan(_, id) => to_events(core, None, format!("id == 0x{:X}", id.number())),
-                _ => Vec::new(),
-            };
-        };
-        if self.column == EFFECT {
+        if let Some(node) = key.node().filter(|_| self.column == EFFECT) {
             self.gates = Some(0);
             return vec![Effect::Node(node)];
         }
-        to_events(core, Some(node), filter_of(core, node))
+        let filter = self.filter_of_cell(core);
+        filter.map_or_else(Vec::new, |filter| to_events(core, key.node(), filter))
     }
 
     fn plot(&self, core: &Core) -> Vec<Effect> {
@@ -213,7 +219,10 @@ impl Nodes {
                 "it has no set point and no actual value that could be plotted".into(),
             )];
         }
-        signals.into_iter().map(Effect::Plot).collect()
+        let names: Vec<_> = signals.iter().map(|signal| signal.name.clone()).collect();
+        let said = Effect::Say(format!("on the plot: {}", names.join(", ")));
+        let shown = Effect::Show(PaneId::Signals);
+        signals.into_iter().map(Effect::Plot).chain([shown, said]).collect()
     }
 
     fn scroll_gates(&mut self, action: Action, core: &Core) -> Vec<Effect> {
@@ -235,31 +244,32 @@ impl Nodes {
         Vec::new()
     }
 
-    fn draw_detail(&self, core: &Core, line: Option<&Line>, area: Rect, buf: &mut Buffer) {
+    fn draw_detail(core: &Core, line: Option<&Line>, area: Rect, buf: &mut Buffer) {
         let theme = &core.theme;
         let rule = theme.glyph(Glyph::Horizontal).repeat(usize::from(area.width));
         draw::put(buf, area.x, area.y, area.width, &rule, theme.style(Role::Border));
         let below = Rect { y: area.y + 1, height: area.height.saturating_sub(1), ..area };
-        let subject = line.and_then(|line| line.key.node()).and_then(|node| subject(core, node));
-        let Some(subject) = subject else { return };
-        let channel = line.and_then(|line| channel_of(line.key));
-        let lines = detail::of_node(core, &subject, channel);
+        let Some(line) = line else { return };
+        let lines = match line.key.node().and_then(|node| subject(core, node)) {
+            Some(subject) => detail::of_node(core, &subject, channel_of(line.key)),
+            None => detail::of_other(core, line.key),
+        };
         TextLines::new(theme, &lines).render(below, buf);
     }
 
     fn row(core: &Core, line: &Line, room: u16) -> Row<'static> {
         let theme = &core.theme;
-        let cell = |shown: &Shown| Cell::new(shown.text.clone(), theme.style(shown.role));
+        let cell = |shown: &Shown| Cell::new(plain(theme, &shown.text), theme.style(shown.role));
         if let Key::Bus(_) = line.key {
             let title = Cell::new(line.name.clone(), theme.style(Role::Title));
             return Row::new([Cell::default(), title]);
         }
         let quiet = theme.style(Role::Quiet);
-        let values = line.values.fit(room, theme.glyph(Glyph::Arrow));
+        let values = plain(theme, &line.values.fit(room, theme.glyph(Glyph::Arrow)));
         let is_remark = line.values.pairs.is_empty() && line.key.node().is_none();
         let style = if is_remark { quiet } else { Style::new() };
         Row::new([
-            line.id.clone().into(),
+            plain(theme, &line.id).into(),
             line.name.clone().into(),
             Cell::new(line.device.clone(), if line.key.node().is_none() { quiet } else { Style::new() }),
             cell(&line.nmt),
@@ -276,7 +286,10 @@ impl Pane for Nodes {
     fn render(&self, core: &Core, area: Rect, buf: &mut Buffer) {
         let lines = self.lines(core);
         let (table, below) = split(area, lines.len());
-        let columns = columns(area.width);
+        let mut columns = columns(area.width);
+        for column in &mut columns {
+            column.title = plain(&core.theme, &column.title).into();
+        }
         let scrolls = u16::from(lines.len() > Table::height(table));
         let room = room(&columns, table.width - scrolls.min(table.width));
         let state = self.state(&lines);
@@ -291,7 +304,7 @@ impl Pane for Nodes {
         let drawn = Table::new(&core.theme, &columns).row_count(lines.len()).rows(row).state(&state);
         drawn.empty(&empty).render(table, buf);
         if !below.is_empty() {
-            self.draw_detail(core, lines.get(state.selected), below, buf);
+            Self::draw_detail(core, lines.get(state.selected), below, buf);
         }
         let chosen = self.gates.zip(lines.get(state.selected));
         if let Some((scroll, line)) = chosen
@@ -374,7 +387,7 @@ impl Pane for Nodes {
     fn filter_of_cell(&self, core: &Core) -> Option<String> {
         match self.chosen(core)? {
             Key::Node(bus, node, _) => Some(filter_of(core, (bus, node))),
-            Key::Orphan(_, id) => Some(format!("id == 0x{:X}", id.number())),
+            Key::Orphan(_, id) => Some(format!("can.id == 0x{:X}", id.number())),
             Key::Master(_) => Some("kind in {\"nmt-command\", \"sync\", \"guard-request\"}".into()),
             Key::Bus(index) => {
                 let bus = core.world()?.buses().iter().find(|bus| bus.index() == index)?;
@@ -402,9 +415,26 @@ impl Pane for Nodes {
     }
 }
 
+/// It was heard, or the user speaks of it and it was heard on no other bus.
+fn is_there(world: &World, node: &Node) -> bool {
+    let is_heard = |node: &Node| node.last_seen().0 != 0;
+    let elsewhere = || world.buses().iter().filter_map(|bus| bus.node(node.id())).any(is_heard);
+    is_heard(node) || ((node.assigned().is_some() || node.name().is_some()) && !elsewhere())
+}
+
 fn first(lines: &[Line], text: impl Fn(&Line) -> &String) -> (bool, String) {
     let text = lines.first().map_or_else(String::new, |line| text(line).to_lowercase());
     (text.is_empty(), text)
+}
+
+/// The text in the characters of the theme.
+fn plain(theme: &Theme, text: &str) -> String {
+    if theme.borders() == Borders::Unicode {
+        return text.to_owned();
+    }
+    let glyphs = [("→", Glyph::Arrow), ("±", Glyph::PlusMinus), ("·", Glyph::Dot)];
+    let text = glyphs.iter().fold(text.to_owned(), |text, (from, to)| text.replace(from, theme.glyph(*to)));
+    text.replace('–', "-").replace('×', "x")
 }
 
 fn channel_of(key: Key) -> Option<u8> {
@@ -475,14 +505,7 @@ fn signals(core: &Core, key: Key) -> Vec<SignalKey> {
             if channel_of(key).is_some() && meaning.channel.is_some() && meaning.channel != channel_of(key) {
                 continue;
             }
-            signals.push(SignalKey {
-                bus: row.bus,
-                id: row.id,
-                field: place,
-                name: escape(&meaning.name).into_owned(),
-                unit: escape(&meaning.unit).into_owned(),
-                layout: layout.clone(),
-            });
+            signals.extend(SignalKey::new(row.bus, row.id, layout, place));
         }
     }
     signals

@@ -112,6 +112,7 @@ impl Objects {
 
     fn head(&self, core: &Core, subject: &Subject<'_>, count: usize) -> Line<'static> {
         let found = match self.search.is_empty() {
+            true if count == 1 => "1 object".into(),
             true => format!("{count} objects"),
             false => format!("{count} with \"{}\"", self.search),
         };
@@ -136,7 +137,7 @@ impl Pane for Objects {
         let row = |index: usize| -> Row<'_> {
             rows.get(index).map_or_else(Row::default, |known| {
                 let style =
-                    |column| subject.role(known, column).map_or(Style::new(), |role| core.theme.style(role));
+                    |column| Subject::role(known, column).map_or(Style::new(), |role| core.theme.style(role));
                 let cells = (0..columns().len())
                     .map(|column| Cell::new(subject.cell(core, known, column), style(column)));
                 Row::new(cells)

@@ -113,11 +113,11 @@ impl<'a> Subject<'a> {
                 Some(entry) if entry.origin.frame > 0 => {
                     format!("{} {{{}}}", entry.origin.kind.verb(), entry.origin.frame)
                 }
-                Some(entry) => self.file(entry),
+                Some(entry) => file(entry),
                 None if self.is_delivered(known) => "as delivered".into(),
                 None => String::new(),
             },
-            5 => age(core, known).map_or(String::new(), |age| seconds(age)),
+            5 => age(core, known).map_or(String::new(), seconds),
             6 => known.entry.and_then(|_| self.node.persists(known.address)).map_or("", keeps).into(),
             _ => self.waits(known),
         };
@@ -125,7 +125,7 @@ impl<'a> Subject<'a> {
     }
 
     /// How a cell looks.
-    pub(super) fn role(&self, known: &Known<'_>, column: usize) -> Option<Role> {
+    pub(super) fn role(known: &Known<'_>, column: usize) -> Option<Role> {
         let is_outside = known.meaning.as_ref().is_some_and(|meaning| {
             known.entry.is_some_and(|entry| meaning.is_outside(&meaning.decode(&entry.value)))
         });
@@ -212,15 +212,6 @@ impl<'a> Subject<'a> {
         found.and_then(|found| found.entry).is_some_and(|entry| entry.default.is_some())
     }
 
-    /// What told a value no frame told.
-    fn file(&self, entry: &Entry) -> String {
-        match entry.origin.kind {
-            cobscope_decoder::session::OriginKind::BusFile => "bus file".into(),
-            cobscope_decoder::session::OriginKind::DeviceFile => "wanted by DCF".into(),
-            kind => kind.verb().into(),
-        }
-    }
-
     /// `33 after reset node {88}`.
     fn waits(&self, known: &Known<'_>) -> String {
         let Some(waiting) = self.node.store().waiting(known.address) else { return String::new() };
@@ -229,6 +220,15 @@ impl<'a> Subject<'a> {
             None => Value::Bytes(waiting.value.clone()).to_string(),
         };
         format!("{value} {} {{{}}}", waiting.effect.when(), waiting.origin.frame)
+    }
+}
+
+/// What told a value no frame told.
+fn file(entry: &Entry) -> String {
+    match entry.origin.kind {
+        cobscope_decoder::session::OriginKind::BusFile => "bus file".into(),
+        cobscope_decoder::session::OriginKind::DeviceFile => "wanted by DCF".into(),
+        kind => kind.verb().into(),
     }
 }
 
