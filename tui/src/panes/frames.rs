@@ -225,19 +225,10 @@ impl Frames {
         let Some(layout) = &row.layout else {
             return vec![Effect::Refuse(format!("what the bits of {} mean is not known", row.id))];
         };
-<<<<<<< HEAD
-        let fields = layout.fields.iter().enumerate().filter(|(_, field)| is_number(field));
-        let keys = fields.filter_map(|(place, _)| SignalKey::new(row.bus, row.id, layout, place));
-        let mut effects: Vec<Effect> = keys.map(Effect::Plot).collect();
-        let said = format!("{} of {}", plural(effects.len(), "signal"), row.id);
-        effects.push(if effects.is_empty() { Effect::Refuse(said) } else { Effect::Say(said) });
-=======
-        let mut effects: Vec<Effect> = SignalKey::all(row.bus, row.id, layout).map(Effect::Plot).collect();
+        let effects: Vec<Effect> = SignalKey::all(row.bus, row.id, layout).map(Effect::Plot).collect();
         if effects.is_empty() {
             return vec![Effect::Refuse(format!("{} carries no numbers", row.id))];
         }
-        effects.push(Effect::Show(PaneId::Signals));
->>>>>>> lists
         effects
     }
 }
