@@ -115,12 +115,15 @@ fn group(world: &World, row: &IdentifierRow) -> Option<J1939Id> {
     J1939Id::of(id).filter(|_| is_j1939)
 }
 
+/// Order of two rows.
+type Compare<'a> = Box<dyn FnMut(&&IdentifierRow, &&IdentifierRow) -> Ordering + 'a>;
+
 /// The rows in their order: by identifier, or by a column and whether descending.
 fn order<'a>(core: &Core, world: &'a World, sort: Option<(usize, bool)>) -> Vec<&'a IdentifierRow> {
     let mut rows: Vec<_> = world.identifiers().rows().iter().collect();
     rows.sort_by_key(|row| (row.bus, row.id.number(), key(row)));
     let Some((column, is_descending)) = sort else { return rows };
-    let mut compare: Box<dyn FnMut(&&IdentifierRow, &&IdentifierRow) -> Ordering> = match column {
+    let mut compare: Compare<'_> = match column {
         0 => Box::new(|one, other| one.bus.cmp(&other.bus)),
         ID => Box::new(|one, other| one.id.number().cmp(&other.id.number())),
         2 | 3 => {
