@@ -70,6 +70,12 @@ impl Session {
         self.wait_seen(what, |seen| is_so(&seen.parser.screen().contents()));
     }
 
+    /// Waits until all of the capture is judged.
+    pub fn wait_verdict(&self) {
+        let is_judged = |header: &str| header.contains("FINDINGS") && !header.contains("warn …");
+        self.wait("verdict", |screen| screen.lines().next().is_some_and(is_judged));
+    }
+
     fn wait_seen(&self, what: &str, is_so: impl Fn(&Seen) -> bool) {
         let seen = self.seen.0.lock().unwrap();
         let (seen, timeout) = self.seen.1.wait_timeout_while(seen, LIMIT, |seen| !is_so(seen)).unwrap();
@@ -107,6 +113,7 @@ fn start_filter_jump_and_quit() {
     session.wait_text("3 shown");
     session.send(":#104\r");
     session.wait_text("--at '#104'");
+    session.wait_verdict();
     session.send("]");
     session.wait_text("#105/190");
     session.send("q");

@@ -86,7 +86,7 @@ impl App {
                 }
             }
             MouseEventKind::Down(MouseButton::Left) if y == parts.tabs.y => {
-                if let Some(pane) = view::tab_at(x) {
+                if let Some(pane) = view::tab_at(x, self.area.width) {
                     self.show(pane);
                 }
             }

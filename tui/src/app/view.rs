@@ -41,18 +41,31 @@ pub(super) fn parts(area: Rect) -> Parts {
     }
 }
 
-/// Title of a pane with its number.
-fn tab(pane: PaneId) -> String {
-    format!(" {} {} ", pane as usize + 1, pane.title())
+/// Letters of a title where there is not room for all of them.
+const SHORT_TITLE: usize = 5;
+
+/// Titles of the panes with their numbers, cut where they do not fit into `width`.
+fn tabs(width: u16) -> Vec<(PaneId, String)> {
+    let title = |pane: PaneId, letters: usize| {
+        let title: String = pane.title().chars().take(letters).collect();
+        format!(" {} {title} ", pane as usize + 1)
+    };
+    let all =
+        |letters| PaneId::ALL.iter().map(move |pane| (*pane, title(*pane, letters))).collect::<Vec<_>>();
+    let whole = all(usize::MAX);
+    let fits = whole.iter().map(|(_, title)| draw::width(title)).sum::<u16>() <= width;
+    if fits { whole } else { all(SHORT_TITLE) }
 }
 
 /// The pane whose title is at a column.
-pub(super) fn tab_at(x: u16) -> Option<PaneId> {
+pub(super) fn tab_at(x: u16, width: u16) -> Option<PaneId> {
     let mut end = 0;
-    PaneId::ALL.iter().copied().find(|pane| {
-        end += draw::width(&tab(*pane));
+    let mut tabs = tabs(width).into_iter();
+    tabs.find(|(_, title)| {
+        end += draw::width(title);
         x < end
     })
+    .map(|(pane, _)| pane)
 }
 
 impl App {
@@ -75,11 +88,11 @@ impl App {
 
     fn draw_tabs(&self, area: Rect, buf: &mut Buffer) {
         let mut x = area.x;
-        for pane in PaneId::ALL {
-            let is_shown = *pane == self.pane && !matches!(self.mode, Mode::Help(_));
+        for (pane, title) in tabs(area.width) {
+            let is_shown = pane == self.pane && !matches!(self.mode, Mode::Help(_));
             let role = if is_shown { Role::Selected } else { Role::Title };
             let room = area.right().saturating_sub(x);
-            x = draw::put(buf, x, area.y, room, &tab(*pane), self.core.theme.style(role));
+            x = draw::put(buf, x, area.y, room, &title, self.core.theme.style(role));
         }
     }
 
