@@ -7,9 +7,7 @@ use cobscope_decoder::profile;
 use cobscope_decoder::session::{Bus, Node};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::table::{Align, Table};
-use cobscope_decoder::statistics::{
-    BusStatistics, Distribution, Intervals, NodeStatistics, dtc_of_key,
-};
+use cobscope_decoder::statistics::{BusStatistics, Distribution, Intervals, NodeStatistics, dtc_of_key};
 
 use super::{Report, j1939};
 use crate::figures::{millis, seconds};
