@@ -10,6 +10,7 @@ mod docs;
 mod eds;
 mod explain;
 mod filter;
+mod journeys;
 mod objects;
 mod profiles;
 mod readme;

@@ -26,17 +26,17 @@ struct Seen {
 type Shared = Arc<(Mutex<Seen>, Condvar)>;
 
 /// A program in a terminal.
-struct Session {
+pub struct Session {
     pty: Option<Arc<Pty>>,
     child: Child,
     seen: Shared,
 }
 
 impl Session {
-    fn start(command: PtyCommand, rows: u16, columns: u16) -> Self {
+    pub fn start(command: PtyCommand, rows: u16, columns: u16) -> Self {
         let (pty, pts) = open().unwrap();
         pty.resize(Size::new(rows, columns)).unwrap();
-        let child = command.env("TERM", "xterm-256color").current_dir(workspace()).spawn(pts).unwrap();
+        let child = command.env("TERM", "xterm-256color").spawn(pts).unwrap();
         let seen: Shared = Arc::default();
         seen.0.lock().unwrap().parser = Parser::new(size(rows), size(columns), 0);
         let pty = Arc::new(pty);
@@ -56,28 +56,33 @@ impl Session {
 
     fn view(arguments: &[&str]) -> Self {
         let command = PtyCommand::new(env!("CARGO_BIN_EXE_cobscope")).arg("view").args(arguments);
+        let command = command.current_dir(workspace());
         Self::start(command, 24, 80)
     }
 
-    fn send(&self, keys: &str) {
+    pub fn send(&self, keys: &str) {
         let mut pty = &**self.pty.as_ref().unwrap();
         pty.write_all(keys.as_bytes()).unwrap();
     }
 
-    /// Waits until the screen is as wanted.
-    fn wait(&self, what: &str, is_so: impl Fn(&Seen) -> bool) {
+    /// Waits until what is on the screen is as wanted.
+    pub fn wait(&self, what: &str, is_so: impl Fn(&str) -> bool) {
+        self.wait_seen(what, |seen| is_so(&seen.parser.screen().contents()));
+    }
+
+    fn wait_seen(&self, what: &str, is_so: impl Fn(&Seen) -> bool) {
         let seen = self.seen.0.lock().unwrap();
         let (seen, timeout) = self.seen.1.wait_timeout_while(seen, LIMIT, |seen| !is_so(seen)).unwrap();
         assert!(!timeout.timed_out(), "no {what} on\n{}", seen.parser.screen().contents());
     }
 
-    fn wait_text(&self, text: &str) {
-        self.wait(text, |seen| seen.parser.screen().contents().contains(text));
+    pub fn wait_text(&self, text: &str) {
+        self.wait(text, |screen| screen.contains(text));
     }
 
     /// Waits for the end of the program; the terminal is as it was.
-    fn wait_end(mut self) -> std::process::ExitStatus {
-        self.wait("end", |seen| seen.has_ended);
+    pub fn wait_end(mut self) -> std::process::ExitStatus {
+        self.wait_seen("end", |seen| seen.has_ended);
         let seen = self.seen.0.lock().unwrap();
         let screen = seen.parser.screen();
         assert!(!screen.alternate_screen(), "the screen before is back");
@@ -115,7 +120,7 @@ fn another_size_is_used_at_once() {
     session.seen.0.lock().unwrap().parser.screen_mut().set_size(size(30), size(120));
     session.pty.as_ref().unwrap().resize(Size::new(30, 120)).unwrap();
     // The header's time stands at the right end.
-    session.wait("header over the whole width", |seen| {
+    session.wait_seen("header over the whole width", |seen| {
         let header = seen.parser.screen().contents_between(0, 100, 0, 120);
         header.trim_end().ends_with(" s")
             && seen.parser.screen().contents_between(29, 0, 29, 20).contains("? help")
@@ -148,7 +153,8 @@ fn a_terminal_that_is_gone_ends_the_program() {
 fn a_capture_from_a_pipe_leaves_the_keys_to_the_terminal() {
     let program = env!("CARGO_BIN_EXE_cobscope");
     let script = format!("cat fixtures/devices/pve.log | {program} view --node 32=danfoss-pve-ci -");
-    let session = Session::start(PtyCommand::new("sh").args(["-c", &script]), 24, 80);
+    let session =
+        Session::start(PtyCommand::new("sh").args(["-c", &script]).current_dir(workspace()), 24, 80);
     session.wait_text("BOOT");
     session.send("G");
     session.wait_text("#190/190");

@@ -235,7 +235,21 @@ impl App {
         if asking == Asking::Filter {
             prompt.set_text(&self.core.filter);
         }
+        if asking == Asking::Export {
+            prompt.set_text(&self.export_name());
+        }
         self.mode = Mode::Asking(asking, prompt);
+    }
+
+    /// A name for an export, in the folder the program was started in.
+    fn export_name(&self) -> String {
+        let name = self.core.timeline.lanes().first().map_or("-", |lane| lane.store.name());
+        let stem = std::path::Path::new(name).file_stem().and_then(|stem| stem.to_str());
+        let stem = stem.filter(|stem| *stem != "-").unwrap_or("capture");
+        match self.core.selected_frames() {
+            Some((first, last)) => format!("{stem}-{first}-{last}.log"),
+            None => format!("{stem}-export.log"),
+        }
     }
 
     /// The text in the prompt changed, is done or given up.

@@ -14,7 +14,6 @@ use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 use cobscope_decoder::frame::{BusIndex, CanId};
-use cobscope_decoder::profile::{DataType, Field};
 use cobscope_decoder::replay::World;
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::sink::escape;
@@ -116,12 +115,15 @@ fn group(world: &World, row: &IdentifierRow) -> Option<J1939Id> {
     J1939Id::of(id).filter(|_| is_j1939)
 }
 
+/// Order of two rows.
+type Compare<'a> = Box<dyn FnMut(&&IdentifierRow, &&IdentifierRow) -> Ordering + 'a>;
+
 /// The rows in their order: by identifier, or by a column and whether descending.
 fn order<'a>(core: &Core, world: &'a World, sort: Option<(usize, bool)>) -> Vec<&'a IdentifierRow> {
     let mut rows: Vec<_> = world.identifiers().rows().iter().collect();
     rows.sort_by_key(|row| (row.bus, row.id.number(), key(row)));
     let Some((column, is_descending)) = sort else { return rows };
-    let mut compare: Box<dyn FnMut(&&IdentifierRow, &&IdentifierRow) -> Ordering> = match column {
+    let mut compare: Compare<'_> = match column {
         0 => Box::new(|one, other| one.bus.cmp(&other.bus)),
         ID => Box::new(|one, other| one.id.number().cmp(&other.id.number())),
         2 | 3 => {
@@ -223,25 +225,12 @@ impl Frames {
         let Some(layout) = &row.layout else {
             return vec![Effect::Refuse(format!("what the bits of {} mean is not known", row.id))];
         };
-        let fields = layout.fields.iter().enumerate().filter(|(_, field)| is_number(field));
-        let keys = fields.filter_map(|(place, _)| SignalKey::new(row.bus, row.id, layout, place));
-        let mut effects: Vec<Effect> = keys.map(Effect::Plot).collect();
-        let said = format!("{} of {}", plural(effects.len(), "signal"), row.id);
-        effects.push(if effects.is_empty() { Effect::Refuse(said) } else { Effect::Say(said) });
+        let effects: Vec<Effect> = SignalKey::all(row.bus, row.id, layout).map(Effect::Plot).collect();
+        if effects.is_empty() {
+            return vec![Effect::Refuse(format!("{} carries no numbers", row.id))];
+        }
         effects
     }
-}
-
-/// Whether a field is a quantity: neither text, a state nor single bits.
-fn is_number(field: &Field) -> bool {
-    use DataType::{Boolean, Domain, OctetString, TimeDifference, TimeOfDay, UnicodeString, VisibleString};
-    let is_kind = !matches!(
-        field.data_type,
-        Boolean | Domain | OctetString | TimeDifference | TimeOfDay | UnicodeString | VisibleString
-    );
-    let is_coded =
-        field.meaning.as_deref().is_some_and(|meaning| meaning.values.is_some() || meaning.bits.is_some());
-    is_kind && !is_coded
 }
 
 /// Milliseconds in seven columns.

@@ -127,6 +127,10 @@ pub(super) fn items(core: &Core, row: Option<&Row>, payload: &Payload, chosen: O
     }
     let Some(row) = row else {
         all.push(Item::quiet("no event of this frame is shown; v shows all events, c clears the filter"));
+        if let Some(before) = core.row().filter(|row| row.spot < core.cursor) {
+            let text = format!("before it {{{}}} {}", before.event.frames.last, told(core, before));
+            all.push(Item::new(&text, Role::Link).leading(Leads::Place(Place::Spot(before.spot))));
+        }
         return all;
     };
     let bus = core.world().and_then(|world| world.buses().iter().find(|bus| bus.index() == row.event.bus));

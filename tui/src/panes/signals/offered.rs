@@ -30,7 +30,10 @@ pub fn plot(core: &Core) -> Vec<Effect> {
 /// The signals of an event, as far as the world knows them.
 fn signals(event: &Event, world: &World) -> Vec<SignalKey> {
     if let Some((id, layout, _)) = carried(event) {
-        return SignalKey::all(event.bus, id, layout).collect();
+        // Words of bits and states say nothing on an axis beside values, so they only stand alone.
+        let is_value = |key: &SignalKey| layout.fields.get(key.field).is_some_and(|field| !is_word(field));
+        let (values, words): (Vec<_>, Vec<_>) = SignalKey::all(event.bus, id, layout).partition(is_value);
+        return if values.is_empty() { words } else { values };
     }
     let mut rows =
         world.identifiers().rows().iter().filter(|row| {
@@ -57,6 +60,11 @@ fn of_row(row: &IdentifierRow, is_wanted: impl Fn(&Field) -> bool) -> impl Itera
     fields
         .filter(move |(_, _, field)| is_wanted(field))
         .filter_map(|(layout, place, _)| SignalKey::new(row.bus, row.id, layout, place))
+}
+
+/// Whether a field is made of bits or names states.
+fn is_word(field: &Field) -> bool {
+    field.meaning.as_deref().is_some_and(|meaning| meaning.bits.is_some() || meaning.values.is_some())
 }
 
 fn is_commanded_or_measured(field: &Field) -> bool {

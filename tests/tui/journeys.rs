@@ -1,0 +1,147 @@
+//! From a customer's capture to the explanation and the proof, in at most 25 keys, all of which are in the footer or
+//! the help: the first fault, what was 50 ms before, the signals over time, what the rule says, an export.
+#![cfg(unix)]
+
+use std::path::Path;
+use std::process::Command;
+
+use pty_process::blocking::Command as PtyCommand;
+
+use crate::support::workspace;
+use crate::terminal::Session;
+
+/// Most keys of a journey.
+const MOST_KEYS: usize = 25;
+
+/// A faulty capture, and what must be seen on the way.
+struct Journey {
+    capture: &'static str,
+    options: &'static [&'static str],
+    /// In the table, at the first finding: the fault.
+    fault: &'static str,
+    /// In the explanation: the rule's text.
+    rule: &'static str,
+    /// The frame 50 ms before.
+    before: &'static str,
+    /// Beside the plot: the control word.
+    control: &'static str,
+    /// In the plot's legend: smallest and largest value.
+    range: &'static [&'static str],
+    frames: usize,
+}
+
+fn play(journey: &Journey) {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = workspace().join("fixtures/devices").join(journey.capture);
+    let options: Vec<String> = journey.options.iter().map(|word| in_workspace(word)).collect();
+    let command = PtyCommand::new(env!("CARGO_BIN_EXE_cobscope"));
+    let command = command.arg("view").args(&options).arg(&capture).current_dir(folder.path());
+    let session = Session::start(command, 40, 120);
+    // The first finding is known when all is judged.
+    session.wait("verdict", |screen| screen.contains("FINDINGS") && !screen.contains('…'));
+    let mut keys = 0;
+    let mut press = |count: usize, text: &str, expected: &[&str]| {
+        keys += count;
+        session.send(text);
+        for text in expected {
+            session.wait_text(text);
+        }
+    };
+    press(1, "]", &[journey.fault, "Kind"]);
+    press(1, "\r", &["What it checks", journey.rule]);
+    press(1, "\x1b", &["Kind"]);
+    press(7, ":-0.05\r", &[journey.before]);
+    press(1, "p", &[journey.control]);
+    for range in journey.range {
+        session.wait_text(range);
+    }
+    press(2, "w\r", &[&format!("{} frames written", journey.frames)]);
+    press(1, "q", &[]);
+    assert!(keys <= MOST_KEYS, "{keys} keys");
+    assert!(session.wait_end().success());
+
+    let stem = capture.file_stem().unwrap().to_str().unwrap();
+    let exported = folder.path().join(format!("{stem}-export.log"));
+    let decode = |capture: &Path| {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_cobscope"));
+        let output = program.args(["decode", "-f", "jsonl"]).args(&options).arg(capture).output().unwrap();
+        assert!(output.status.success());
+        String::from_utf8(output.stdout).unwrap()
+    };
+    assert_eq!(decode(&exported), decode(&capture));
+}
+
+fn in_workspace(word: &str) -> String {
+    let path = workspace().join(word);
+    if path.exists() { path.display().to_string() } else { word.to_owned() }
+}
+
+#[test]
+fn a_valve_with_a_spool_position_error() {
+    play(&Journey {
+        capture: "pve.log",
+        options: &["--node", "32=danfoss-pve-ci"],
+        fault: "8305 spool position error",
+        rule: "emcy-raised",
+        before: "#103/190",
+        control: "Device control w",
+        range: &["37.5 %"],
+        frames: 190,
+    });
+}
+
+#[test]
+fn a_pump_that_refuses_a_nominal_pressure() {
+    play(&Journey {
+        capture: "sydfec.log",
+        options: &["--node", "2=rexroth-sydfec"],
+        fault: "06090031",
+        rule: "sdo-download-refused",
+        before: "/359",
+        control: "Control byte",
+        range: &["157.51 bar", "49.997 %"],
+        frames: 359,
+    });
+}
+
+#[test]
+fn an_amplifier_that_refuses_guarding() {
+    play(&Journey {
+        capture: "md2.log",
+        options: &["--node", "1=wandfluh-md2:amplifier"],
+        fault: "060A0023",
+        rule: "guard-time-only-without-heartbeat",
+        before: "/371",
+        control: "Control word 1",
+        range: &["%"],
+        frames: 371,
+    });
+}
+
+#[test]
+fn a_valve_that_refuses_a_value() {
+    play(&Journey {
+        capture: "ifb.log",
+        options: &["--node", "5=rexroth-ifb-iac"],
+        fault: "06090031",
+        rule: "sdo-download-refused",
+        before: "/178",
+        control: "control word",
+        range: &["l/min", "bar"],
+        frames: 178,
+    });
+}
+
+#[test]
+fn a_card_that_refuses_a_pressure() {
+    play(&Journey {
+        capture: "vpcd.log",
+        options: &["--node", "63=rexroth-vpcd", "--bus", "fixtures/devices/vpcd.bus.toml"],
+        fault: "700.0 bar",
+        rule: "pressure-call-up-in-limits",
+        before: "/170",
+        control: "Discrete",
+        range: &["bar"],
+        frames: 170,
+    });
+}
