@@ -70,7 +70,13 @@ impl App {
     /// Takes what the background has found.
     pub fn news(&mut self, news: News) {
         match news {
-            News::Window(window) => self.core.answer(*window),
+            News::Window(window) => {
+                self.core.answer(*window);
+                // It may be from just before the index was complete, and come behind the news of that.
+                if self.core.is_pending() && self.is_indexed() {
+                    self.core.refresh();
+                }
+            }
             News::Exported(told) => self.core.exported(told),
             News::Failed(text) => self.core.refuse(&text),
             News::Filtered => self.core.refresh(),
