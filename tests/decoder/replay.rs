@@ -39,7 +39,7 @@ fn read_on(
             break;
         }
         for item in batch.items() {
-            world.take(item, reader.buses(), &mut see);
+            world.take(&item, reader.buses(), &mut see);
         }
     }
     world.finish(reader.buses(), &mut see);

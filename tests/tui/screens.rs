@@ -138,7 +138,7 @@ fn play(session: &str) -> String {
                 screen.click(place);
                 played += &screen.text();
             }
-            (other, _) => panic!("{other}: expected cobscope, size, keys or click"),
+            (other, _) => unreachable!("{other}: expected cobscope, size, keys or click"),
         }
     }
     played

@@ -14,7 +14,7 @@ use vt100::{MouseProtocolMode, Parser};
 use crate::support::workspace;
 
 /// How long something may take on a busy machine before it counts as not happening.
-const LIMIT: Duration = Duration::from_secs(60);
+const LIMIT: Duration = Duration::from_mins(1);
 
 /// What has come from the program.
 #[derive(Default)]
@@ -45,7 +45,7 @@ impl Session {
             let mut piece = [0; 4096];
             // The end of the program is an error of its terminal.
             while let Ok(count @ 1..) = (&*source).read(&mut piece) {
-                sink.0.lock().unwrap().parser.process(&piece[..count]);
+                sink.0.lock().unwrap().parser.process(piece.get(..count).unwrap());
                 sink.1.notify_all();
             }
             sink.0.lock().unwrap().has_ended = true;

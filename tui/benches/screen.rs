@@ -89,7 +89,7 @@ fn main() {
     println!("{:<44} {:>15.2} ms", "judged, and searched for news", start.elapsed().as_secs_f64() * 1e3);
     println!("{:<44} {:>15.1} MiB", "peak memory", peak());
 
-    screen.app.key(cobscope::keymap::sequence("v").unwrap()[0]);
+    screen.go("v");
     screen.until(|app| !app.is_busy());
     let frames = screen.app.frames();
     let mut seeks = Vec::new();

@@ -321,10 +321,13 @@ mod tests {
 
     #[test]
     fn reading_goes_on_from_any_place() {
-        let long: String = (0..2_000).map(|n| format!("(17{n:08}.000000) can0 101#{:04X}\n", n)).collect();
-        let other: String =
-            (0..900).map(|n| format!("(17{:08}.500000) can0 102#{:04X}\n", 2 * n, n)).collect();
-        let (long, other): (&'static str, &'static str) = (long.leak(), other.leak());
+        // A line a second, and one every other second half a second later.
+        let lines = |seconds: i64, step: usize, rest: &str| {
+            let stamps = (0..seconds).step_by(step);
+            let text: Vec<_> = stamps.map(|n| format!("(17{n:08}.{rest}#{n:04X}\n")).collect();
+            &*text.concat().leak()
+        };
+        let (long, other) = (lines(2_000, 1, "000000) can0 101"), lines(1_800, 2, "500000) can0 102"));
         let open = || Merged::new(vec![part(long.as_bytes(), 0, 0), part(other.as_bytes(), 1, 0)]);
         let whole = all(&mut open());
         let mut merged = open();

@@ -85,7 +85,7 @@ impl World {
 
     /// Takes what a reader gave next.
     #[inline]
-    pub fn take(&mut self, item: Item<'_>, names: &BusNames, out: &mut impl FnMut(Told<'_>)) {
+    pub fn take(&mut self, item: &Item<'_>, names: &BusNames, out: &mut impl FnMut(Told<'_>)) {
         match item {
             Item::Frame(frame) => self.push(frame, names, out),
             Item::Notice(notice) => self.notice(notice, names, out),

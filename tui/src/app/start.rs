@@ -1,5 +1,7 @@
 //! How a view begins.
 
+use std::fmt::Write as _;
+
 use cobscope_decoder::query::Filter;
 use ratatui::layout::Rect;
 
@@ -64,12 +66,13 @@ impl App {
 
     /// The command that shows this view again.
     pub(super) fn command(&self) -> String {
+        // Writing to a string cannot fail.
         let mut command = format!("{} --pane {}", self.command, self.pane.name());
         if self.core.cursor.frame > 0 {
-            command.push_str(&format!(" --at '#{}'", self.core.cursor.frame));
+            let _ = write!(command, " --at '#{}'", self.core.cursor.frame);
         }
         if !self.core.filter.is_empty() {
-            command.push_str(&format!(" --filter {}", quoted(&self.core.filter)));
+            let _ = write!(command, " --filter {}", quoted(&self.core.filter));
         }
         if !self.core.matcher.only_news {
             command.push_str(" --all");

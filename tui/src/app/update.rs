@@ -282,15 +282,15 @@ impl App {
             PromptEvent::Submitted if text.trim().is_empty() && asking != Asking::Filter => {
                 self.mode = Mode::Panes;
             }
-            PromptEvent::Submitted => match check(asking, &text) {
-                Err((offset, reason)) => prompt.set_error(offset, reason),
-                Ok(()) => {
-                    self.mode = Mode::Panes;
-                    self.typed.retain(|(other, old)| *other != asking || *old != text);
-                    self.typed.push((asking, text.clone()));
-                    self.submit(asking, &text);
+            PromptEvent::Submitted => {
+                if let Err((offset, reason)) = check(asking, &text) {
+                    return prompt.set_error(offset, reason);
                 }
-            },
+                self.mode = Mode::Panes;
+                self.typed.retain(|(other, old)| *other != asking || *old != text);
+                self.typed.push((asking, text.clone()));
+                self.submit(asking, &text);
+            }
         }
     }
 

@@ -7,7 +7,7 @@ use cobscope_decoder::statistics::frame_bits;
 const FIRST_STEP: i64 = 100_000_000;
 
 /// Steps kept: when there are more, two become one.
-const MOST_STEPS: usize = 4_096;
+const MOST_STEPS: i64 = 4_096;
 
 /// What was on a bus within one step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -40,10 +40,10 @@ impl LoadOverTime {
         let Some(time) = frame.time else { return };
         let start = *self.start.get_or_insert(time.0);
         let since = time.0.saturating_sub(start).max(0);
-        while since / self.step >= MOST_STEPS as i64 {
+        while since / self.step >= MOST_STEPS {
             self.halve();
         }
-        let place = usize::try_from(since / self.step).unwrap_or(MOST_STEPS - 1);
+        let place = usize::try_from(since / self.step).unwrap_or(0);
         if self.steps.len() <= place {
             self.steps.resize(place + 1, Step::default());
         }

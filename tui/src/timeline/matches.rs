@@ -150,7 +150,7 @@ impl Matches {
                 continue;
             }
             while bits != 0 {
-                let highest = 63 - bits.leading_zeros();
+                let highest = bits.ilog2();
                 wanted -= 1;
                 if wanted == 0 {
                     return word as u64 * 64 + u64::from(highest);
@@ -175,7 +175,6 @@ impl Matches {
 }
 
 fn place(frame: u64) -> (usize, u32) {
-    #[expect(clippy::cast_possible_truncation, reason = "less than 64")]
     let bit = (frame % 64) as u32;
     (usize::try_from(frame / 64).unwrap_or(usize::MAX), bit)
 }

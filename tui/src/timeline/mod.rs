@@ -127,11 +127,11 @@ impl Timeline {
         if matcher.takes_all() {
             return;
         }
-        let matches = Arc::new(Matches::new(matcher));
-        *current = Some(Arc::clone(&matches));
+        let found = Arc::new(Matches::new(matcher));
+        *current = Some(Arc::clone(&found));
         drop(current);
         let told = spawn("matches", &self.shared, &self.news, move |shared, news| {
-            matches::run(shared, &matches, news);
+            matches::run(shared, &found, news);
         });
         if let Err(error) = told {
             let _ = self.news.send(News::Failed(format!("{error:#}")));

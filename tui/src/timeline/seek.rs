@@ -221,8 +221,8 @@ impl Seeker {
 
     /// The search this matcher's rows come from, if it has been everywhere.
     fn matches(&self, matcher: &Matcher) -> Option<Arc<Matches>> {
-        let matches = self.shared.matches.read().unwrap_or_else(PoisonError::into_inner).clone()?;
-        (matches.matcher == *matcher && matches.is_complete()).then_some(matches)
+        let found = self.shared.matches.read().unwrap_or_else(PoisonError::into_inner).clone()?;
+        (found.matcher == *matcher && found.is_complete()).then_some(found)
     }
 
     /// The world at or before a frame, as near as a mark allows, walked up to it.
@@ -291,19 +291,15 @@ impl Seeker {
             }
         }
         let world = Arc::new(walk.world.clone());
-        let (rows, selected) = match matches.and_then(|found| found.rows(spot, order.before, order.after)) {
-            Some(rows) => {
-                let selected = rows.partition_point(|row| row.spot <= spot).saturating_sub(1);
-                (rows, selected)
-            }
-            None => {
-                self.go_on(walk, order, matches, &mut found, is_stale)?;
-                let selected = found.before.len().saturating_sub(1);
-                (
-                    found.before.into_iter().chain(found.after.into_iter().take(order.after)).collect(),
-                    selected,
-                )
-            }
+        let at_hand = matches.and_then(|matches| matches.rows(spot, order.before, order.after));
+        let (rows, selected) = if let Some(rows) = at_hand {
+            let selected = rows.partition_point(|row| row.spot <= spot).saturating_sub(1);
+            (rows, selected)
+        } else {
+            self.go_on(walk, order, matches, &mut found, is_stale)?;
+            let selected = found.before.len().saturating_sub(1);
+            let after = found.after.into_iter().take(order.after);
+            (found.before.into_iter().chain(after).collect(), selected)
         };
         let (serial, frames) = (order.serial, Vec::new());
         Ok(Some(Window { serial, rows, selected, spot, world, frames, is_pending: false, is_missed: false }))

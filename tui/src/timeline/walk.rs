@@ -55,10 +55,10 @@ impl Walk {
         let next = self.batch.notices().get(self.notices).filter(|(before, _)| *before <= self.frames);
         if let Some((_, notice)) = next {
             self.notices += 1;
-            self.world.take(Item::Notice(notice), names, see);
+            self.world.take(&Item::Notice(notice), names, see);
         } else if let Some(frame) = self.batch.frames().get(self.frames) {
             self.frames += 1;
-            self.world.take(Item::Frame(frame), names, see);
+            self.world.take(&Item::Frame(frame), names, see);
         }
         Ok(true)
     }

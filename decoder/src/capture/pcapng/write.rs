@@ -128,7 +128,8 @@ impl<W: Write + Send> FrameWriter for PcapngWriter<W> {
         self.begin()?;
         let interface = self.interface(bus)?;
         let stamp = frame.time.map_or(0, |time| u64::try_from(time.0).unwrap_or(0));
-        let (high, low) = ((stamp >> 32) as u32, (stamp & u64::from(u32::MAX)) as u32);
+        let high = u32::try_from(stamp >> 32).unwrap_or(u32::MAX);
+        let low = u32::try_from(stamp & u64::from(u32::MAX)).unwrap_or(u32::MAX);
         let packet = packet(frame);
         let length = u32::try_from(packet.len()).unwrap_or(u32::MAX);
         let mut body = Vec::with_capacity(128);
