@@ -17,7 +17,9 @@ const MOST_KEYS: usize = 25;
 struct Journey {
     capture: &'static str,
     options: &'static [&'static str],
-    /// In the table, at the first finding: the fault.
+    /// Frame of the first finding.
+    first: u64,
+    /// In the table there: the fault.
     fault: &'static str,
     /// In the explanation: the rule's text.
     rule: &'static str,
@@ -46,7 +48,7 @@ fn play(journey: &Journey) {
             session.wait_text(text);
         }
     };
-    press(1, "]", &[journey.fault, "Kind"]);
+    press(1, "]", &[&format!("#{}/{}", journey.first, journey.frames), journey.fault]);
     press(1, "\r", &["What it checks", journey.rule]);
     press(1, "\x1b", &["Kind"]);
     press(7, ":-0.05\r", &[journey.before]);
@@ -80,6 +82,7 @@ fn a_valve_with_a_spool_position_error() {
     play(&Journey {
         capture: "pve.log",
         options: &["--node", "32=danfoss-pve-ci"],
+        first: 104,
         fault: "8305 spool position error",
         rule: "emcy-raised",
         before: "#103/190",
@@ -94,6 +97,7 @@ fn a_pump_that_refuses_a_nominal_pressure() {
     play(&Journey {
         capture: "sydfec.log",
         options: &["--node", "2=rexroth-sydfec"],
+        first: 46,
         fault: "06090031",
         rule: "sdo-download-refused",
         before: "/359",
@@ -108,6 +112,7 @@ fn an_amplifier_that_refuses_guarding() {
     play(&Journey {
         capture: "md2.log",
         options: &["--node", "1=wandfluh-md2:amplifier"],
+        first: 153,
         fault: "060A0023",
         rule: "guard-time-only-without-heartbeat",
         before: "/371",
@@ -122,6 +127,7 @@ fn a_valve_that_refuses_a_value() {
     play(&Journey {
         capture: "ifb.log",
         options: &["--node", "5=rexroth-ifb-iac"],
+        first: 31,
         fault: "06090031",
         rule: "sdo-download-refused",
         before: "/178",
@@ -136,6 +142,7 @@ fn a_card_that_refuses_a_pressure() {
     play(&Journey {
         capture: "vpcd.log",
         options: &["--node", "63=rexroth-vpcd", "--bus", "fixtures/devices/vpcd.bus.toml"],
+        first: 27,
         fault: "700.0 bar",
         rule: "pressure-call-up-in-limits",
         before: "/170",

@@ -160,11 +160,15 @@ impl Pane for Events {
                 Vec::new()
             }
             Action::Plot => super::signals::plot(core),
-            Action::Open => core.row().map_or_else(Vec::new, |row| {
-                let node = row.event.node.map(|node| Effect::Node((row.event.bus, node)));
-                let go = Some(Effect::Go(Place::Spot(row.spot))).filter(|_| core.cursor < row.spot);
-                node.into_iter().chain(go).chain([Effect::Show(PaneId::Detail)]).collect()
-            }),
+            // What is still on its way is told there when it comes.
+            Action::Open => core.row().map_or_else(
+                || vec![Effect::Show(PaneId::Detail)],
+                |row| {
+                    let node = row.event.node.map(|node| Effect::Node((row.event.bus, node)));
+                    let go = Some(Effect::Go(Place::Spot(row.spot))).filter(|_| core.cursor < row.spot);
+                    node.into_iter().chain(go).chain([Effect::Show(PaneId::Detail)]).collect()
+                },
+            ),
             _ => Vec::new(),
         }
     }
