@@ -33,6 +33,32 @@ pub(super) struct Compiled {
     pub(super) needs_details: bool,
     /// A test is about signals.
     pub(super) needs_signals: bool,
+    /// Last parts of the keys the tests are about.
+    pub(super) names: NameSet,
+}
+
+/// A set of names that may hold more than it was given, but never less.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct NameSet(u64);
+
+impl NameSet {
+    /// Most names of fields differ in length, first or last letter.
+    fn bit(name: &str) -> u64 {
+        let bytes = name.as_bytes();
+        let ends = [bytes.first(), bytes.last()].map(|byte| usize::from(byte.copied().unwrap_or(0)));
+        let [first, last] = ends;
+        1 << ((first * 5 + last * 3 + bytes.len() * 11) % 64)
+    }
+
+    fn with(self, name: &str) -> Self {
+        Self(self.0 | Self::bit(name))
+    }
+
+    /// Whether a name may be in it; items of lists have none of their own.
+    #[inline]
+    pub(super) fn may_have(self, name: &str) -> bool {
+        name.is_empty() || self.0 & Self::bit(name) != 0
+    }
 }
 
 /// The tests' answers joined.
@@ -59,6 +85,11 @@ enum Check {
 }
 
 impl Test {
+    /// Whether it is only about what every kind of event has.
+    pub(super) fn is_common(&self) -> bool {
+        self.0.iter().all(|(target, _)| target.field.kinds == KindSet::ALL)
+    }
+
     /// Keys it is about.
     pub(super) fn keys(&self) -> impl Iterator<Item = &'static str> {
         self.0.iter().map(|(target, _)| target.field.key.as_str())
@@ -134,7 +165,9 @@ pub(super) fn compile(text: &str, written: &Expression) -> Result<Compiled, Filt
     let needs_details = fields.clone().any(|field| field.kinds != KindSet::ALL);
     let needs_signals =
         fields.any(|field| matches!(field.key.split('.').next(), Some("signals" | "missing")));
-    Ok(Compiled { tree, tests, may, must, needs_details, needs_signals })
+    let keys = tests.iter().flat_map(Test::keys);
+    let names = keys.fold(NameSet::default(), |names, key| names.with(key.rsplit('.').next().unwrap_or(key)));
+    Ok(Compiled { tree, tests, may, must, needs_details, needs_signals, names })
 }
 
 struct Compiler<'a> {

@@ -14,7 +14,7 @@ use std::fmt;
 use std::str::FromStr;
 use std::sync::Arc;
 
-use super::compile::{Compiled, Node, Test, compile};
+use super::compile::{Compiled, NameSet, Node, Test, compile};
 use super::error::FilterError;
 use super::expression::Expression;
 use super::fields::resolve;
@@ -45,17 +45,26 @@ struct Inner {
 impl Filter {
     /// Whether the event is meant; `capture` is the name output would give it.
     pub fn matches(&self, event: &Event, bus: &Bus, capture: Option<&str>) -> bool {
-        let Compiled { tree, tests, may, must, needs_details, needs_signals } = &self.0.compiled;
+        let Compiled { tree, tests, may, must, needs_details, needs_signals, names } = &self.0.compiled;
         if !may.contains(&event.kind) || must.contains(&event.kind) {
             return may.contains(&event.kind);
         }
         let hits = Hits([0; MAX_TESTS / WORD]);
-        let mut search =
-            Search { tests, needs_signals: *needs_signals, hits, path: [""; MAX_NESTING], depth: 0 };
+        let mut search = Search {
+            tests,
+            names: *names,
+            needs_signals: *needs_signals,
+            hits,
+            path: [""; MAX_NESTING],
+            depth: 0,
+        };
+        record::envelope(event, bus, capture, &mut search);
+        // What depends on the kind is looked at only where it can decide.
+        if let Some(answer) = search.hits.answer_of_common(tree, tests).filter(|_| *needs_details) {
+            return answer;
+        }
         if *needs_details {
-            record::visit(event, bus, capture, &mut search);
-        } else {
-            record::envelope(event, bus, capture, &mut search);
+            record::details(event, bus, &mut search);
         }
         search.hits.answer(tree)
     }
@@ -117,6 +126,26 @@ impl Hits {
         self.0.get(test / WORD).is_some_and(|word| word >> (test % WORD) & 1 == 1)
     }
 
+    /// The answer as far as tests of what every kind has give it: `None` if others decide.
+    fn answer_of_common(&self, node: &Node, tests: &[Test]) -> Option<bool> {
+        let parts = |parts: &[Node], decides: bool| {
+            let mut answers = parts.iter().map(|part| self.answer_of_common(part, tests));
+            answers
+                .try_fold(Some(!decides), |all, answer| match answer {
+                    Some(answer) if answer == decides => Err(()),
+                    Some(_) => Ok(all),
+                    None => Ok(None),
+                })
+                .unwrap_or(Some(decides))
+        };
+        match node {
+            Node::And(all) => parts(all, false),
+            Node::Or(any) => parts(any, true),
+            Node::Not(inner) => self.answer_of_common(inner, tests).map(|answer| !answer),
+            Node::Test(test) => tests.get(*test)?.is_common().then(|| self.has(*test)),
+        }
+    }
+
     fn answer(&self, node: &Node) -> bool {
         match node {
             Node::And(parts) => parts.iter().all(|part| self.answer(part)),
@@ -130,6 +159,7 @@ impl Hits {
 /// Looks for the fields of the tests among all that an event tells.
 struct Search<'a> {
     tests: &'a [Test],
+    names: NameSet,
     needs_signals: bool,
     hits: Hits,
     path: [&'static str; MAX_NESTING],
@@ -138,6 +168,9 @@ struct Search<'a> {
 
 impl Search<'_> {
     fn told(&mut self, key: &'static str, accepts: impl Fn(&Test, &str) -> bool) {
+        if !self.names.may_have(key) {
+            return;
+        }
         let Some(path) = self.path.get(..self.depth) else { return };
         for (number, test) in self.tests.iter().enumerate() {
             if test.keys().any(|wanted| is_at(wanted, path, key) && accepts(test, wanted)) {

@@ -18,6 +18,7 @@ pub(super) fn run(shared: &Shared, news: &Sender<News>) {
         Err(error) => shared.fail(&error),
     }
     shared.progress.complete();
+    shared.begin();
     // The application may be gone.
     let _ = news.send(News::Indexed);
 }

@@ -181,6 +181,7 @@ fn place(frame: u64) -> (usize, u32) {
 
 /// Looks at the whole capture.
 pub(super) fn run(shared: &Shared, matches: &Arc<Matches>, news: &Sender<News>) {
+    shared.wait_for_index();
     if let Ok(mut walk) = Walk::start(shared) {
         let mut see = |told: Told<'_>| {
             if matches.matcher.takes(&told) {

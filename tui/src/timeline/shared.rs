@@ -1,7 +1,7 @@
 //! What the threads of a timeline have in common.
 
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError, RwLock};
+use std::sync::{Arc, Condvar, Mutex, PoisonError, RwLock};
 
 use cobscope_decoder::capture::{CaptureError, Merged, MergedCapture, MergedPosition, ReadOptions, Reader};
 use cobscope_decoder::frame::Timestamp;
@@ -39,6 +39,9 @@ pub struct Shared {
     /// How many threads follow signals.
     pub(super) tracing: AtomicUsize,
     is_over: AtomicBool,
+    /// Whether what can wait for the index may begin.
+    may_begin: Mutex<bool>,
+    begins: Condvar,
 }
 
 /// How far the index has come.
@@ -104,6 +107,8 @@ impl Shared {
             progress: Progress::default(),
             tracing: AtomicUsize::new(0),
             is_over: AtomicBool::new(false),
+            may_begin: Mutex::new(false),
+            begins: Condvar::new(),
         }
     }
 
@@ -132,6 +137,23 @@ impl Shared {
         failure.get_or_insert_with(|| error.to_string());
     }
 
+    /// Leaves the processors to the index until it is complete; of what still grows nobody waits for the end.
+    pub(super) fn wait_for_index(&self) {
+        if self.lanes.iter().any(|lane| !lane.store.length().1) {
+            return;
+        }
+        let mut may_begin = self.may_begin.lock().unwrap_or_else(PoisonError::into_inner);
+        while !*may_begin {
+            may_begin = self.begins.wait(may_begin).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    /// The index is complete, or nobody needs it any more.
+    pub(super) fn begin(&self) {
+        *self.may_begin.lock().unwrap_or_else(PoisonError::into_inner) = true;
+        self.begins.notify_all();
+    }
+
     pub(super) fn is_over(&self) -> bool {
         self.is_over.load(Ordering::Relaxed)
     }
@@ -139,6 +161,7 @@ impl Shared {
     /// Nobody wants to know any more.
     pub(super) fn stop(&self) {
         self.is_over.store(true, Ordering::Relaxed);
+        self.begin();
         for lane in &self.lanes {
             lane.store.abandon();
         }

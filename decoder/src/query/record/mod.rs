@@ -72,8 +72,8 @@ pub fn visit(event: &Event, bus: &Bus, capture: Option<&str>, fields: &mut dyn F
     details(event, bus, fields);
 }
 
-/// What depends on the kind.
-fn details(event: &Event, bus: &Bus, fields: &mut dyn Fields) {
+/// Tells `fields` what depends on the kind.
+pub(super) fn details(event: &Event, bus: &Bus, fields: &mut dyn Fields) {
     match &event.kind {
         EventKind::NmtCommand { service, target, from, to } => {
             fields.field("command", FieldValue::Text(service.name()));
