@@ -79,20 +79,43 @@ impl IdentifierRow {
         }
     }
 
+    /// Bytes only one of two payloads has changed, whatever they are; behind the payload all are zero.
+    #[cold]
+    fn resize(&mut self, before: usize, now: usize) {
+        self.changed |= between(before.min(now), before.max(now));
+        if let Some(rest) = self.bytes.get_mut(now..) {
+            rest.fill(0);
+        }
+        self.length = u8::try_from(now).unwrap_or(0);
+    }
+
     fn take(&mut self, frame: &Frame) {
         let data = frame.data();
-        if self.count > 0 && self.payload() != data {
-            self.changed = differences(self.payload(), data);
-            self.ever_changed |= self.changed;
-        } else {
+        let before = usize::from(self.length);
+        self.changed = 0;
+        // In words of eight bytes: most frames have one, and comparing blocks costs more than that.
+        for (place, (kept, now)) in self.bytes.chunks_exact_mut(WORD).zip(data.chunks(WORD)).enumerate() {
+            let mut word = [0; WORD];
+            word.iter_mut().zip(now).for_each(|(to, from)| *to = *from);
+            let kept: &mut [u8; WORD] = match kept.try_into() {
+                Ok(kept) => kept,
+                Err(_) => continue,
+            };
+            let differing = u64::from_le_bytes(*kept) ^ u64::from_le_bytes(word);
+            if differing != 0 {
+                self.changed |= bytes_of(differing) << (place * WORD);
+                *kept = word;
+            }
+        }
+        if before != data.len() {
+            self.resize(before, data.len());
+        }
+        if self.count == 0 {
             self.changed = 0;
         }
+        self.ever_changed |= self.changed;
         self.count += 1;
         self.last_frame = frame.number;
-        self.length = u8::try_from(data.len()).unwrap_or(0);
-        if let Some(kept) = self.bytes.get_mut(..data.len()) {
-            kept.copy_from_slice(data);
-        }
         if let Some(time) = frame.time {
             self.last_gap = self.last_time.map(|last| time.since(last));
             self.intervals.add(time.0);
@@ -101,12 +124,17 @@ impl IdentifierRow {
     }
 }
 
-/// Bytes that differ, those only one has among them.
-fn differences(before: &[u8], now: &[u8]) -> u64 {
-    let differs = |at: usize| before.get(at) != now.get(at);
-    (0..before.len().max(now.len()).min(MAX_DATA))
-        .filter(|at| differs(*at))
-        .fold(0, |bits, at| bits | 1 << at)
+/// Bytes of a word.
+const WORD: usize = 8;
+
+/// Bytes of a word that are not zero, a bit a byte.
+fn bytes_of(word: u64) -> u64 {
+    word.to_le_bytes().iter().enumerate().fold(0, |bits, (at, byte)| bits | u64::from(*byte != 0) << at)
+}
+
+/// Bits for the bytes from one place up to another.
+fn between(from: usize, to: usize) -> u64 {
+    (from..to.min(MAX_DATA)).fold(0, |bits, at| bits | 1 << at)
 }
 
 /// All identifiers seen, in order of appearance.
