@@ -41,20 +41,18 @@ pub(super) fn parts(area: Rect) -> Parts {
     }
 }
 
-/// Letters of a title where there is not room for all of them.
-const SHORT_TITLE: usize = 5;
-
-/// Titles of the panes with their numbers, cut where they do not fit into `width`.
+/// Titles of the panes with their numbers, closer together where they do not fit into `width`.
 fn tabs(width: u16) -> Vec<(PaneId, String)> {
-    let title = |pane: PaneId, letters: usize| {
-        let title: String = pane.title().chars().take(letters).collect();
-        format!(" {} {title} ", pane as usize + 1)
+    let all = |is_wide: bool| {
+        let title = move |pane: &PaneId| match (*pane as usize + 1, is_wide) {
+            (number, true) => format!(" {number} {} ", pane.title()),
+            (number, false) => format!("{number}{} ", pane.title()),
+        };
+        PaneId::ALL.iter().map(|pane| (*pane, title(pane))).collect::<Vec<_>>()
     };
-    let all =
-        |letters| PaneId::ALL.iter().map(move |pane| (*pane, title(*pane, letters))).collect::<Vec<_>>();
-    let whole = all(usize::MAX);
-    let fits = whole.iter().map(|(_, title)| draw::width(title)).sum::<u16>() <= width;
-    if fits { whole } else { all(SHORT_TITLE) }
+    let wide = all(true);
+    let fits = wide.iter().map(|(_, title)| draw::width(title)).sum::<u16>() <= width;
+    if fits { wide } else { all(false) }
 }
 
 /// The pane whose title is at a column.
