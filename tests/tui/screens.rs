@@ -111,7 +111,7 @@ fn play(session: &str) -> String {
     let mut screen: Option<Screen> = None;
     let mut played = String::new();
     for line in session.lines() {
-        if line.starts_with('#') && screen.is_none() {
+        if line.starts_with('#') {
             writeln!(played, "{line}").unwrap();
         }
         let Some(order) = line.strip_prefix("> ") else { continue };

@@ -35,6 +35,8 @@ pub struct App {
     /// Panes to go back to.
     trail: Vec<PaneId>,
     mode: Mode,
+    /// Filter in force when another one began to be typed.
+    filter_before: String,
     /// Texts typed earlier, by what was asked.
     typed: Vec<(Asking, String)>,
     outputs: Vec<Output>,

@@ -41,6 +41,7 @@ impl App {
             pane: start.pane,
             trail: Vec::new(),
             mode: Mode::Panes,
+            filter_before: String::new(),
             typed: Vec::new(),
             outputs: Vec::new(),
             area: Rect::new(0, 0, 80, 24),

@@ -234,6 +234,7 @@ impl App {
         let mut prompt = Prompt::new(label).with_history(history);
         if asking == Asking::Filter {
             prompt.set_text(&self.core.filter);
+            self.filter_before.clone_from(&self.core.filter);
         }
         if asking == Asking::Export {
             prompt.set_text(&self.export_name());
@@ -271,12 +272,18 @@ impl App {
                 if asking == Asking::Search {
                     self.search_pane("");
                 }
+                if asking == Asking::Filter && self.core.filter != self.filter_before {
+                    self.filter(&self.filter_before.clone());
+                }
             }
             PromptEvent::Changed => {
                 if let Err((offset, reason)) = check(asking, &text) {
-                    prompt.set_error(offset, reason);
-                } else {
-                    prompt.clear_error();
+                    return prompt.set_error(offset, reason);
+                }
+                prompt.clear_error();
+                // What is shown follows what is typed.
+                if asking == Asking::Filter && text.trim() != self.core.filter {
+                    self.filter(&text);
                 }
             }
             PromptEvent::Submitted if text.trim().is_empty() && asking != Asking::Filter => {

@@ -17,7 +17,11 @@ use ratatui::text::{Line, Span};
 use super::{App, Mode, PaneId, header};
 use crate::keymap::{self, Group, KEYMAP};
 use crate::theme::Role;
+use crate::widgets::bars::Gauge;
 use crate::widgets::{draw, text_lines::TextLines};
+
+/// Columns of the bar that shows how much is indexed.
+const GAUGE: u16 = 20;
 
 /// Areas of the screen.
 pub(super) struct Parts {
@@ -104,10 +108,7 @@ impl App {
         };
         let mut right = format!("#{place}/{total}");
         if !progress.is_complete() {
-            let (length, is_all) = core.timeline.length();
-            let share = progress.bytes().saturating_mul(100) / length.max(1);
-            let share = if is_all { format!("{share} %") } else { "what comes".into() };
-            right = format!("indexing {share}  {right}");
+            right = format!("indexing  {right}");
         }
         if let Some((first, last)) = core.selected_frames() {
             right = format!("selected #{first} to #{last}  {right}");
@@ -166,8 +167,22 @@ impl App {
                 let keys: Vec<&str> =
                     ["? help", "q quit"].into_iter().chain(keys.iter().map(String::as_str)).collect();
                 self.draw_keys(&keys, parts.footer, buf);
+                self.draw_progress(parts.footer, buf);
             }
         }
+    }
+
+    /// How much of the captures is indexed, at the right, until all is.
+    fn draw_progress(&self, area: Rect, buf: &mut Buffer) {
+        let progress = self.core.timeline.progress();
+        let (length, is_all) = self.core.timeline.length();
+        if progress.is_complete() || !is_all || area.width < GAUGE * 2 {
+            return;
+        }
+        let percent =
+            u8::try_from(progress.bytes().saturating_mul(100) / length.max(1)).unwrap_or(100).min(100);
+        let place = Rect { x: area.right() - GAUGE, width: GAUGE, ..area };
+        Gauge::new(&self.core.theme, f64::from(percent) / 100.0, &format!("{percent} %")).render(place, buf);
     }
 
     /// `f filter  ] finding`, the keys apart from what they do.

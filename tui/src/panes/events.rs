@@ -32,12 +32,18 @@ pub struct Events {
 }
 
 /// Columns, in order; the number is that of [`cell`].
-fn columns() -> Vec<Column> {
+fn columns(core: &Core) -> Vec<Column> {
+    // Which bus says something only where there are several.
+    let has_buses = core.world().is_some_and(|world| world.buses().len() > 1);
     vec![
         Column::new("No", Width::Min(7)).right().priority(9),
         Column::new("Time", Width::Min(9)).right(),
         Column::new("Δt", Width::Fixed(9)).right().priority(3),
-        Column::new("Bus", Width::Fixed(5)).priority(1),
+        Column::new("Bus", Width::Fixed(if has_buses { 7 } else { 5 })).priority(if has_buses {
+            8
+        } else {
+            1
+        }),
         Column::new("ID", Width::Fixed(8)).priority(4),
         Column::new("Node", Width::Fixed(14)).priority(10),
         Column::new("Kind", Width::Fixed(6)).priority(11),
@@ -104,7 +110,7 @@ impl Pane for Events {
             ..TableState::default()
         };
         let shown = core.rows().get(range.clone()).unwrap_or_default();
-        let columns = columns();
+        let columns = columns(core);
         let before = range.start.checked_sub(1).and_then(|index| core.rows().get(index));
         let row = |index: usize| -> Row<'_> {
             let previous = index.checked_sub(1).map_or(before, |index| shown.get(index));
@@ -147,7 +153,7 @@ impl Pane for Events {
                 Vec::new()
             }
             Action::Right => {
-                self.column = (self.column + 1).min(columns().len() - 1);
+                self.column = (self.column + 1).min(columns(core).len() - 1);
                 Vec::new()
             }
             Action::Highlight => {
@@ -183,7 +189,7 @@ impl Pane for Events {
             return to_share(core, y, area);
         }
         let (range, _) = Self::view(core, Table::height(inside));
-        let columns = columns();
+        let columns = columns(core);
         let table = Table::new(&core.theme, &columns).row_count(range.len());
         if let Some(column) = table.column_at(inside, x) {
             self.column = column;
@@ -232,7 +238,7 @@ impl Pane for Events {
 impl Events {
     fn row(&self, core: &Core, row: &EventRow, before: Option<&EventRow>, width: u16) -> Row<'static> {
         let tone = core.theme.style(role_of(row.tone));
-        let cells = (0..columns().len()).map(|column| {
+        let cells = (0..columns(core).len()).map(|column| {
             let text = cell(core, row, before, column);
             let is_marked =
                 self.highlight.as_deref().is_some_and(|wanted| !wanted.is_empty() && wanted == text);
