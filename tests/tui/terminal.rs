@@ -20,6 +20,8 @@ const LIMIT: Duration = Duration::from_mins(1);
 #[derive(Default)]
 struct Seen {
     parser: Parser,
+    /// Everything the program wrote, byte for byte.
+    written: Vec<u8>,
     has_ended: bool,
 }
 
@@ -45,7 +47,11 @@ impl Session {
             let mut piece = [0; 4096];
             // The end of the program is an error of its terminal.
             while let Ok(count @ 1..) = (&*source).read(&mut piece) {
-                sink.0.lock().unwrap().parser.process(piece.get(..count).unwrap());
+                let piece = piece.get(..count).unwrap();
+                let mut seen = sink.0.lock().unwrap();
+                seen.parser.process(piece);
+                seen.written.extend_from_slice(piece);
+                drop(seen);
                 sink.1.notify_all();
             }
             sink.0.lock().unwrap().has_ended = true;
@@ -116,6 +122,21 @@ fn start_filter_jump_and_quit() {
     session.wait_verdict();
     session.send("]");
     session.wait_text("#105/190");
+    session.send("q");
+    assert!(session.wait_end().success());
+}
+
+#[test]
+fn a_line_is_copied_through_the_terminal() {
+    let session = Session::view(PVE);
+    session.wait_verdict();
+    session.send("]");
+    session.wait_text("#104/190");
+    session.send("y");
+    session.wait_text("copied");
+    // OSC 52, in Base64: "7.204 can0 0A0 32/20 EMCY 8305 …" begins so.
+    let copied = b"\x1b]52;c;Ny4yMDQgY2FuMCAwQTAgMzIvMjAgRU1DWSA4MzA1";
+    session.wait_seen("copied text", |seen| seen.written.windows(copied.len()).any(|part| part == copied));
     session.send("q");
     assert!(session.wait_end().success());
 }
