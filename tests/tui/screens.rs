@@ -28,6 +28,9 @@ use crate::support::workspace;
 /// Columns a selection covers at least; the cursor of a prompt is less.
 const LEAST_SELECTED: usize = 10;
 
+/// Bytes of a capture that a test can look through.
+const LARGEST: u64 = 60_000;
+
 /// The application on a screen of a size.
 struct Screen {
     app: App,
@@ -169,4 +172,58 @@ fn every_session_shows_what_stands_in_its_file() {
         }
     }
     assert!(wrong.is_empty(), "\n{wrong}");
+}
+
+/// Files in and below a folder, up to a size.
+fn files(folder: &Path, largest: u64, found: &mut Vec<std::path::PathBuf>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            files(&path, largest, found);
+        } else if path.metadata().unwrap().len() <= largest {
+            found.push(path);
+        }
+    }
+}
+
+/// Goes through all panes, in two sizes, at the first finding and the end; gives how many captures there were.
+fn look_through(folder: &Path) -> usize {
+    let mut paths = Vec::new();
+    files(folder, LARGEST, &mut paths);
+    paths.sort();
+    let mut looked = 0;
+    for path in paths {
+        let words = ["view", "--color", "never", &path.display().to_string()].map(str::to_owned);
+        // What is no capture is not this test's business.
+        let Ok((app, news)) = cobscope::open_view(&words) else { continue };
+        looked += 1;
+        let mut screen = Screen { app, news, terminal: Terminal::new(TestBackend::new(80, 24)).unwrap() };
+        for (width, height) in [(100, 30), (20, 5)] {
+            screen.app.resize(width, height);
+            screen.terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
+            for keys in ["]", "vG"] {
+                screen.keys(keys);
+                for pane in 1..=9 {
+                    screen.keys(&pane.to_string());
+                    assert!(!screen.text().contains('\u{1b}'), "{}", path.display());
+                    screen.keys("<down><enter><esc>");
+                }
+            }
+        }
+    }
+    looked
+}
+
+#[test]
+fn every_fixture_can_be_looked_at() {
+    assert!(look_through(&workspace().join("fixtures")) > 150);
+}
+
+#[test]
+fn every_small_recording_of_the_corpus_can_be_looked_at() {
+    let corpus = crate::support::corpus();
+    if !corpus.is_dir() {
+        return crate::support::skip("corpus", "not there");
+    }
+    assert!(look_through(&corpus) > 20);
 }

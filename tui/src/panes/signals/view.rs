@@ -43,7 +43,7 @@ impl View {
     pub(super) fn whole(core: &Core) -> Option<(i64, i64)> {
         let first = core.timeline.first()?;
         let (zero, last) = core.timeline.progress().times().unwrap_or((first, first));
-        Some((zero.0.min(first.0), last.0.max(first.0 + 1)))
+        Some((zero.0.min(first.0), last.0.max(first.0.saturating_add(1))))
     }
 
     /// What is in view.
@@ -85,7 +85,7 @@ impl View {
             return Err("this is all of it");
         }
         let middle = self.cursor(core).unwrap_or(from).clamp(from, to);
-        let before = i128::from(middle - from) * i128::from(wanted) / i128::from(span);
+        let before = i128::from(middle.saturating_sub(from)) * i128::from(wanted) / i128::from(span);
         let start = middle.saturating_sub(i64::try_from(before).unwrap_or(wanted));
         self.part = within(start, wanted, whole);
         Ok(())
@@ -98,7 +98,7 @@ impl View {
             && !(from..=to).contains(&time)
             && let Some(whole) = Self::whole(core)
         {
-            let span = to - from;
+            let span = to.saturating_sub(from);
             self.part = within(time.saturating_sub(span / 2), span, whole);
         }
         self.follow(core, signals);
