@@ -40,6 +40,7 @@ fn play(journey: &Journey) {
     let command = command.arg("view").args(&options).arg(&capture).current_dir(folder.path());
     let session = Session::start(command, 40, 120);
     session.wait_verdict();
+    session.wait_text(&format!("#1/{}", journey.frames));
     let mut keys = 0;
     let mut press = |count: usize, text: &str, expected: &[&str]| {
         keys += count;

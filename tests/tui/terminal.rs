@@ -130,8 +130,10 @@ fn start_filter_jump_and_quit() {
 fn a_line_is_copied_through_the_terminal() {
     let session = Session::view(PVE);
     session.wait_verdict();
+    session.wait_text("#1/190");
     session.send("]");
     session.wait_text("#104/190");
+    session.wait_text("Kind");
     session.send("y");
     session.wait_text("copied");
     // OSC 52, in Base64: "7.204 can0 0A0 32/20 EMCY 8305 …" begins so.

@@ -1,23 +1,31 @@
 //! The real terminal: keys in, screen out. Nothing here decides anything.
 
-use std::io::{Write as _, stdout};
+use std::io::{BufWriter, Stdout, Write as _, stdout};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::time::Duration;
 
 use anyhow::Context as _;
-use ratatui::DefaultTerminal;
+use ratatui::Terminal;
+use ratatui::backend::CrosstermBackend;
 use ratatui::crossterm::clipboard::CopyToClipboard;
+use ratatui::crossterm::cursor::Show;
 use ratatui::crossterm::event::{
     self, DisableBracketedPaste, DisableMouseCapture, EnableBracketedPaste, EnableMouseCapture, Event,
     KeyEventKind,
 };
 use ratatui::crossterm::execute;
+use ratatui::crossterm::terminal::{
+    EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode,
+};
 
 use crate::app::{App, Output};
 use crate::timeline::News;
 
 /// How often the screen shows what the background has done while it works.
-const REFRESH: Duration = Duration::from_millis(100);
+const REFRESH: Duration = Duration::from_millis(200);
+
+/// Bytes of a whole screen's changes, which go to the terminal at once.
+const OUTPUT: usize = 64 * 1024;
 
 /// What wakes the application.
 pub enum Message {
@@ -30,7 +38,7 @@ pub enum Message {
 }
 
 /// A terminal that is given back as it was, whatever happens.
-pub struct Screen(DefaultTerminal);
+pub struct Screen(Terminal<CrosstermBackend<BufWriter<Stdout>>>);
 
 impl Screen {
     /// Takes the terminal over.
@@ -43,8 +51,11 @@ impl Screen {
             give_back();
             hook(info);
         }));
-        let terminal = ratatui::try_init().context("this is no terminal the UI can use")?;
+        enable_raw_mode().context("this is no terminal the UI can use")?;
+        let output = BufWriter::with_capacity(OUTPUT, stdout());
+        let terminal = Terminal::new(CrosstermBackend::new(output)).context("the terminal cannot be used")?;
         let screen = Self(terminal);
+        execute!(stdout(), EnterAlternateScreen).context("the terminal cannot be written")?;
         execute!(stdout(), EnableMouseCapture, EnableBracketedPaste)
             .context("the terminal cannot be written")?;
         Ok(screen)
@@ -60,8 +71,8 @@ impl Drop for Screen {
 /// Ends what ratatui's own hook leaves on: mouse and paste reports.
 fn give_back() {
     // A terminal that is gone needs nothing back.
-    let _ = execute!(stdout(), DisableMouseCapture, DisableBracketedPaste);
-    ratatui::restore();
+    let _ = execute!(stdout(), DisableMouseCapture, DisableBracketedPaste, LeaveAlternateScreen, Show);
+    let _ = disable_raw_mode();
 }
 
 /// Sends what the user does.
@@ -108,8 +119,11 @@ fn mind_signals(messages: Sender<Message>) -> anyhow::Result<()> {
 pub fn run(app: &mut App, screen: &mut Screen, messages: &Receiver<Message>) -> anyhow::Result<()> {
     let size = screen.0.size().context("the terminal has no size")?;
     app.resize(size.width, size.height);
+    let mut is_changed = true;
     loop {
-        screen.0.draw(|frame| app.draw(frame.area(), frame.buffer_mut())).context("drawing failed")?;
+        if is_changed {
+            screen.0.draw(|frame| app.draw(frame.area(), frame.buffer_mut())).context("drawing failed")?;
+        }
         let first = if app.is_busy() {
             messages.recv_timeout(REFRESH)
         } else {
@@ -120,8 +134,11 @@ pub fn run(app: &mut App, screen: &mut Screen, messages: &Receiver<Message>) -> 
             Err(RecvTimeoutError::Timeout) => None,
             Err(RecvTimeoutError::Disconnected) => return Ok(()),
         };
+        // Where an answer is on its way it is what is drawn next.
+        is_changed = !app.is_seeking();
         // Everything that came meanwhile is drawn once.
         for message in waiting.into_iter().chain(messages.try_iter()) {
+            is_changed = true;
             match message {
                 Message::Input(event) => input(app, event),
                 Message::News(news) => app.news(news),

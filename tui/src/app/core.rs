@@ -250,8 +250,14 @@ impl Core {
     /// Time at the cursor: that of its event, else of the last frame before it.
     pub fn time(&self) -> Option<Timestamp> {
         let is_event = self.cursor.ordinal != u32::MAX;
-        let event =
-            self.row().filter(|row| is_event && row.spot == self.cursor).and_then(|row| row.event.time);
+        // What is known is of the place before while the answer is on its way; its rows may reach the new one.
+        let is_late =
+            self.is_waiting && self.window.as_ref().is_some_and(|window| window.spot != self.cursor);
+        let is_there = |row: &&Row| is_late || (is_event && row.spot == self.cursor);
+        let event = match self.target {
+            Target::Time(time) if is_late => Some(time),
+            _ => self.row().filter(is_there).and_then(|row| row.event.time),
+        };
         event.or_else(|| self.world()?.time()).or_else(|| self.timeline.first())
     }
 

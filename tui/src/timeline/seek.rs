@@ -190,7 +190,8 @@ impl Seeker {
         match target {
             Target::Spot(spot) => spot.frame > frames,
             Target::Time(time) => self.shared.progress.times().is_none_or(|(_, last)| time > last),
-            Target::End => true,
+            // Of what still grows the end is as far as it has come.
+            Target::End => self.shared.lanes.iter().all(|lane| lane.store.length().1),
         }
     }
 
