@@ -79,7 +79,8 @@ impl Session {
     /// Waits until all of the capture is judged.
     pub fn wait_verdict(&self) {
         let is_judged = |header: &str| header.contains("FINDINGS") && !header.contains("warn …");
-        self.wait("verdict", |screen| screen.lines().next().is_some_and(is_judged));
+        let is_known = |screen: &str| !screen.contains("state pending") && !screen.contains("indexing");
+        self.wait("verdict", |screen| screen.lines().next().is_some_and(is_judged) && is_known(screen));
     }
 
     fn wait_seen(&self, what: &str, is_so: impl Fn(&Seen) -> bool) {

@@ -119,11 +119,8 @@ fn mind_signals(messages: Sender<Message>) -> anyhow::Result<()> {
 pub fn run(app: &mut App, screen: &mut Screen, messages: &Receiver<Message>) -> anyhow::Result<()> {
     let size = screen.0.size().context("the terminal has no size")?;
     app.resize(size.width, size.height);
-    let mut is_changed = true;
     loop {
-        if is_changed {
-            screen.0.draw(|frame| app.draw(frame.area(), frame.buffer_mut())).context("drawing failed")?;
-        }
+        screen.0.draw(|frame| app.draw(frame.area(), frame.buffer_mut())).context("drawing failed")?;
         let first = if app.is_busy() {
             messages.recv_timeout(REFRESH)
         } else {
@@ -134,11 +131,8 @@ pub fn run(app: &mut App, screen: &mut Screen, messages: &Receiver<Message>) -> 
             Err(RecvTimeoutError::Timeout) => None,
             Err(RecvTimeoutError::Disconnected) => return Ok(()),
         };
-        // Where an answer is on its way it is what is drawn next.
-        is_changed = !app.is_seeking();
         // Everything that came meanwhile is drawn once.
         for message in waiting.into_iter().chain(messages.try_iter()) {
-            is_changed = true;
             match message {
                 Message::Input(event) => input(app, event),
                 Message::News(news) => app.news(news),

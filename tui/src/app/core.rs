@@ -256,7 +256,11 @@ impl Core {
         let is_there = |row: &&Row| is_late || (is_event && row.spot == self.cursor);
         let event = match self.target {
             Target::Time(time) if is_late => Some(time),
-            _ => self.row().filter(is_there).and_then(|row| row.event.time),
+            _ => {
+                let behind = self.rows().partition_point(|row| row.spot <= self.cursor);
+                let row = behind.checked_sub(1).and_then(|at| self.rows().get(at));
+                row.filter(is_there).and_then(|row| row.event.time)
+            }
         };
         event.or_else(|| self.world()?.time()).or_else(|| self.timeline.first())
     }
