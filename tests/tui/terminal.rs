@@ -79,7 +79,8 @@ impl Session {
     /// Waits until all of the capture is judged.
     pub fn wait_verdict(&self) {
         let is_judged = |header: &str| header.contains("FINDINGS") && !header.contains("warn …");
-        let is_known = |screen: &str| !screen.contains("state pending") && !screen.contains("indexing");
+        let unready = ["state pending", "indexing", "reading"];
+        let is_known = |screen: &str| unready.iter().all(|text| !screen.contains(text));
         self.wait("verdict", |screen| screen.lines().next().is_some_and(is_judged) && is_known(screen));
     }
 
