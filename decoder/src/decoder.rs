@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::event::{Event, EventKind, FrameRange, Protocol};
-use crate::frame::{Frame, Timestamp};
+use crate::frame::{BusIndex, Frame, LinkState, Timestamp};
 use crate::session::{Bus, Observer, SessionOptions};
 
 use crate::capture::{BusNames, Notice, Place};
@@ -47,12 +47,13 @@ impl Decoder {
         for index in self.buses.len()..=last {
             let Ok(number) = u8::try_from(index) else { return };
             let name = names.names().get(index).map_or("", String::as_str);
-            self.buses.push(Bus::new(crate::frame::BusIndex(number), name, Arc::clone(&self.options)));
+            self.buses.push(Bus::new(BusIndex(number), name, Arc::clone(&self.options)));
         }
     }
 
     /// Takes what a reader has to say.
     pub fn notice(&mut self, notice: &Notice, names: &BusNames, out: &mut dyn Observer) {
+        let mut bus = BusIndex(0);
         let kind = match notice {
             Notice::Unreadable { place, reason } => {
                 self.unreadable += 1;
@@ -62,13 +63,21 @@ impl Decoder {
                 let (line, offset) = match *place {
                     Place::Line(line) => (Some(line), None),
                     Place::Offset(offset) => (None, Some(offset)),
+                    Place::Now => (None, None),
                 };
-                EventKind::Unreadable { line, offset, reason: reason.clone() }
+                EventKind::Unreadable { line, offset, count: 1, reason: reason.clone() }
             }
             Notice::Assumption(text) => EventKind::Note { text: text.clone() },
-            Notice::LostFrames { count, .. } => EventKind::LostFrames { count: *count },
+            Notice::LostFrames { bus: losing, count, .. } => {
+                bus = *losing;
+                EventKind::LostFrames { count: *count }
+            }
+            Notice::Link { bus, time, state, bit_rate } => {
+                return self.link(*bus, *time, (*state, *bit_rate), names, out);
+            }
+            Notice::Quiet(time) => return self.advance(*time, out),
         };
-        self.say(kind, names, out);
+        self.say(bus, kind, names, out);
     }
 
     /// The capture ended: closes what is open and gives totals.
@@ -79,7 +88,8 @@ impl Decoder {
         let more = self.unreadable.saturating_sub(SHOWN_UNREADABLE);
         if more > 0 {
             let reason = format!("{more} more, {} in all", self.unreadable);
-            self.say(EventKind::Unreadable { line: None, offset: None, reason }, names, out);
+            let kind = EventKind::Unreadable { line: None, offset: None, count: more, reason };
+            self.say(BusIndex(0), kind, names, out);
         }
     }
 
@@ -90,10 +100,27 @@ impl Decoder {
         }
     }
 
-    fn say(&mut self, kind: EventKind, names: &BusNames, out: &mut dyn Observer) {
+    /// The way to a bus opened or closed. What was due before that is told first.
+    fn link(
+        &mut self,
+        bus: BusIndex,
+        time: Timestamp,
+        (state, bit_rate): (LinkState, Option<u32>),
+        names: &BusNames,
+        out: &mut dyn Observer,
+    ) {
+        self.advance(time, out);
+        self.last_time = Some(time);
+        self.say(bus, EventKind::Link { state, bit_rate }, names, out);
+        if let (Some(rate), Some(bus)) = (bit_rate, self.buses.get_mut(usize::from(bus.0))) {
+            bus.hear_bit_rate(rate);
+        }
+    }
+
+    fn say(&mut self, bus: BusIndex, kind: EventKind, names: &BusNames, out: &mut dyn Observer) {
         let event = Event {
             time: self.last_time,
-            bus: crate::frame::BusIndex(0),
+            bus,
             frames: FrameRange::one(self.last_frame),
             protocol: Protocol::Capture,
             node: None,
@@ -101,10 +128,11 @@ impl Decoder {
             routine: false,
             kind,
         };
-        if self.buses.is_empty() {
-            self.add_buses(0, names);
+        let index = usize::from(bus.0);
+        if index >= self.buses.len() {
+            self.add_buses(index, names);
         }
-        if let Some(bus) = self.buses.first() {
+        if let Some(bus) = self.buses.get(index) {
             out.event(&event, bus);
         }
     }

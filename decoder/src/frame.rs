@@ -38,6 +38,31 @@ impl fmt::Display for Timestamp {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub struct BusIndex(pub u8);
 
+/// What the recorder knew of the way to a bus.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum LinkState {
+    /// Frames come, if there are any.
+    Up,
+    /// The interface is there but switched off, or its controller went off the bus.
+    Down,
+    /// The interface, adapter or server is not there any more.
+    Gone,
+}
+
+impl LinkState {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Up, Self::Down, Self::Gone];
+
+    /// `up`, `down` or `gone`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Up => "up",
+            Self::Down => "down",
+            Self::Gone => "gone",
+        }
+    }
+}
+
 /// A CAN identifier (ISO 11898-1): 11 or 29 bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum CanId {

@@ -12,7 +12,7 @@ use cobscope_decoder::event::{
     StateCause, StateChange, UdsExchange, Undecoded,
 };
 use cobscope_decoder::finding::Severity;
-use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags, MAX_DATA, Timestamp};
+use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags, LinkState, MAX_DATA, Timestamp};
 use cobscope_decoder::profile::dbc::{self, Database};
 use cobscope_decoder::profile::object::{BitName, BitNames, Names};
 use cobscope_decoder::profile::{
@@ -583,7 +583,9 @@ fn bus_and_capture() -> Vec<EventKind> {
         EventKind::BusSilent { gap: 2_000_000_000 },
         EventKind::LostFrames { count: Some(3) },
         EventKind::LostFrames { count: None },
-        EventKind::Unreadable { line: Some(7), offset: Some(99), reason: "no frame".into() },
+        EventKind::Link { state: LinkState::Up, bit_rate: Some(250_000) },
+        EventKind::Link { state: LinkState::Gone, bit_rate: None },
+        EventKind::Unreadable { line: Some(7), offset: Some(99), count: 1, reason: "no frame".into() },
         EventKind::Note { text: "times are taken for absolute".into() },
     ]
 }

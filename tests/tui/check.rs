@@ -70,6 +70,7 @@ fn a_node_that_goes_on_without_its_heartbeat_is_not_called_silent() {
     assert!(output.stdout.contains("no heartbeat since {216}, though it sent {253}, was operational"));
 }
 
+#[cfg(feature = "gzip")]
 #[test]
 fn the_reason_of_a_cut_capture_is_said_once() {
     // A gzip member (RFC 1952) whose one stored block (RFC 1951 §3.2.4) promises 64 bytes and has a line of 40.

@@ -161,7 +161,14 @@ impl<R: Read> Merged<R> {
             // The first of equals.
             let next = self.parts.iter_mut().filter(|part| !part.lane.is_done).min_by_key(|part| part.due());
             let Some(part) = next else { break };
-            if let Some(notice) = part.next_notice() {
+            if let Some(mut notice) = part.next_notice() {
+                if let Notice::LostFrames { bus, .. } | Notice::Link { bus, .. } = &mut notice {
+                    let own = part.reader.buses();
+                    *bus = bus_of(&mut part.lane, own, *bus, &mut self.names, &mut self.buses);
+                }
+                if let Notice::Link { time, .. } | Notice::Quiet(time) = &mut notice {
+                    *time = time.plus(part.lane.shift);
+                }
                 batch.notice(notice);
             } else if let Some(mut frame) = part.next_frame() {
                 self.number += 1;

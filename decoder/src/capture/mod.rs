@@ -31,6 +31,8 @@ mod writer;
 
 use std::fmt;
 
+use crate::frame::{BusIndex, LinkState, Timestamp};
+
 pub use batch::{BATCH_FRAMES, Batch, Item};
 pub use candump::TimeStyle;
 pub use compression::{decompress, is_compressed};
@@ -55,6 +57,8 @@ pub enum Place {
     Line(u64),
     /// Byte offset of a binary capture, from 0, after decompression.
     Offset(u64),
+    /// On a live bus, as it happens.
+    Now,
 }
 
 impl fmt::Display for Place {
@@ -62,6 +66,7 @@ impl fmt::Display for Place {
         match self {
             Self::Line(line) => write!(f, "line {line}"),
             Self::Offset(offset) => write!(f, "byte {offset}"),
+            Self::Now => f.write_str("live"),
         }
     }
 }
@@ -82,9 +87,24 @@ pub enum Notice {
     LostFrames {
         /// Where it says so.
         place: Place,
+        /// The bus they were on; the first one where it does not say.
+        bus: BusIndex,
         /// How many, if it says.
         count: Option<u64>,
     },
+    /// The way to a bus opened or closed: frames in between were not seen.
+    Link {
+        /// The bus.
+        bus: BusIndex,
+        /// When, on the clock of its frames.
+        time: Timestamp,
+        /// How it is from here on.
+        state: LinkState,
+        /// Bit rate of the bus in bit/s, where the recorder knows it.
+        bit_rate: Option<u32>,
+    },
+    /// The recorder listened up to this time, and nothing came.
+    Quiet(Timestamp),
 }
 
 impl fmt::Display for Notice {
@@ -92,8 +112,10 @@ impl fmt::Display for Notice {
         match self {
             Self::Unreadable { place, reason } => write!(f, "{place}: {reason}"),
             Self::Assumption(text) => f.write_str(text),
-            Self::LostFrames { place, count: Some(count) } => write!(f, "{place}: {count} frames lost"),
-            Self::LostFrames { place, count: None } => write!(f, "{place}: frames lost"),
+            Self::LostFrames { place, count: Some(count), .. } => write!(f, "{place}: {count} frames lost"),
+            Self::LostFrames { place, count: None, .. } => write!(f, "{place}: frames lost"),
+            Self::Link { time, state, .. } => write!(f, "{time}: link {}", state.name()),
+            Self::Quiet(time) => write!(f, "nothing until {time}"),
         }
     }
 }
@@ -155,7 +177,7 @@ impl BusNames {
 
     /// Index of `name`, added if new; `None` when [`MAX_BUSES`] are known.
     /// Names longer than [`MAX_BUS_NAME`] bytes are cut; bytes that are no UTF-8 are replaced.
-    pub fn index_of(&mut self, name: &[u8]) -> Option<crate::frame::BusIndex> {
+    pub fn index_of(&mut self, name: &[u8]) -> Option<BusIndex> {
         let name = String::from_utf8_lossy(name.get(..MAX_BUS_NAME).unwrap_or(name));
         let index = match self.0.iter().position(|known| *known == name) {
             Some(index) => index,
@@ -165,7 +187,7 @@ impl BusNames {
             }
             None => return None,
         };
-        u8::try_from(index).ok().map(crate::frame::BusIndex)
+        u8::try_from(index).ok().map(BusIndex)
     }
 }
 

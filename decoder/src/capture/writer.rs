@@ -2,6 +2,7 @@
 
 use std::io::{self, Write};
 
+use super::Notice;
 use crate::frame::Frame;
 
 /// Writes frames in one format. What it wrote is a readable capture after each frame that was flushed.
@@ -12,11 +13,25 @@ pub trait FrameWriter: Send {
     /// When the output fails.
     fn write(&mut self, frame: &Frame, bus: &str) -> io::Result<()>;
 
-    /// Writes what is still held back.
+    /// Writes what else the recorder knows of the bus of this name; `false` where the format has no place for it.
     ///
     /// # Errors
     /// When the output fails.
-    fn finish(&mut self) -> io::Result<()>;
+    fn notice(&mut self, notice: &Notice, bus: &str) -> io::Result<bool>;
+
+    /// Writes what is held back so far.
+    ///
+    /// # Errors
+    /// When the output fails.
+    fn flush(&mut self) -> io::Result<()>;
+
+    /// Nothing follows: writes what is still held back.
+    ///
+    /// # Errors
+    /// When the output fails.
+    fn finish(&mut self) -> io::Result<()> {
+        self.flush()
+    }
 }
 
 /// One format that can be written.
@@ -36,8 +51,8 @@ mod tests {
     use std::sync::{Arc, Mutex};
 
     use super::*;
-    use crate::capture::{Batch, ReadOptions, Reader, WRITABLE};
-    use crate::frame::{BusIndex, CanId, FrameFlags, Timestamp};
+    use crate::capture::{Batch, Place, ReadOptions, Reader, WRITABLE};
+    use crate::frame::{BusIndex, CanId, FrameFlags, LinkState, Timestamp};
 
     #[derive(Clone, Default)]
     struct Shared(Arc<Mutex<Vec<u8>>>);
@@ -90,6 +105,49 @@ mod tests {
             frame.bus = BusIndex(u8::from(*bus == "can1"));
         }
         all
+    }
+
+    #[test]
+    fn what_else_the_recorder_knew_is_kept_where_there_is_a_place_for_it() {
+        let time = |offset: i64| Timestamp(1_700_000_000_000_000_000 + offset);
+        let lost = |count| Notice::LostFrames { place: Place::Now, bus: BusIndex(1), count: Some(count) };
+        let link = |state, bit_rate| Notice::Link { bus: BusIndex(1), time: time(7), state, bit_rate };
+        let notices = [
+            lost(3),
+            lost(4),
+            link(LinkState::Down, None),
+            link(LinkState::Up, Some(250_000)),
+            Notice::Quiet(time(9)),
+        ];
+        for format in WRITABLE {
+            let output = Shared::default();
+            let mut writer = (format.writer)(Box::new(output.clone()));
+            for (frame, bus) in frames().into_iter().take(2) {
+                writer.write(&frame, bus).unwrap();
+            }
+            let kept: Vec<bool> =
+                notices.iter().map(|notice| writer.notice(notice, "can1").unwrap()).collect();
+            writer.finish().unwrap();
+            let bytes = output.0.lock().unwrap().clone();
+            let mut reader = Reader::open(&bytes[..], &ReadOptions::default()).unwrap();
+            let (mut batch, mut read) = (Batch::new(), Vec::new());
+            while reader.read(&mut batch).unwrap() {
+                read.extend(batch.notices().iter().map(|(_, notice)| match notice.clone() {
+                    Notice::LostFrames { bus, count, .. } => {
+                        Notice::LostFrames { place: Place::Now, bus, count }
+                    }
+                    other => other,
+                }));
+            }
+            let expected: Vec<_> = notices
+                .iter()
+                .zip(&kept)
+                .filter(|(_, kept)| **kept)
+                .map(|(notice, _)| notice.clone())
+                .collect();
+            assert_eq!(read, expected, "{}", format.name);
+            assert_eq!(kept, [format.name == "pcapng"; 5], "{}", format.name);
+        }
     }
 
     #[test]

@@ -28,7 +28,7 @@ pub use uds::{Ends, ExchangeOutcome, IsoTpTransfer, Message, MessageOutcome, Uds
 
 use std::sync::Arc;
 
-use crate::frame::{BusIndex, Frame, Timestamp};
+use crate::frame::{BusIndex, Frame, LinkState, Timestamp};
 use crate::profile::Effect;
 use crate::profile::dbc::DatabaseMessage;
 use crate::wire::canopen::lss::Content;
@@ -182,8 +182,10 @@ pub enum EventKind {
     BusSilent { gap: i64 },
     /// The recorder lost frames.
     LostFrames { count: Option<u64> },
-    /// A line or record of the capture that could not be read.
-    Unreadable { line: Option<u64>, offset: Option<u64>, reason: String },
+    /// The way to the bus opened or closed; `bit_rate` in bit/s where it is known.
+    Link { state: LinkState, bit_rate: Option<u32> },
+    /// A line or record of the capture that could not be read, or at the end all that were not told one by one.
+    Unreadable { line: Option<u64>, offset: Option<u64>, count: u64, reason: String },
     /// Something to know about the whole bus or capture, said once.
     Note { text: String },
 }
@@ -265,6 +267,7 @@ impl EventKind {
             Self::ClockStep { .. } => "clock-step",
             Self::BusSilent { .. } => "bus-silent",
             Self::LostFrames { .. } => "lost-frames",
+            Self::Link { .. } => "link",
             Self::Unreadable { .. } => "unreadable",
             Self::Note { .. } => "note",
         }

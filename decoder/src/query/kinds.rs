@@ -5,7 +5,7 @@ use serde::de::{Deserialize, Deserializer, Error as _};
 use crate::event::EventKind;
 
 /// How many kinds of events there are.
-pub const KIND_COUNT: usize = 46;
+pub const KIND_COUNT: usize = 47;
 
 /// Names of all kinds; a kind's place here is its number in a [`KindSet`].
 const NAMES: [&str; KIND_COUNT] = [
@@ -55,6 +55,7 @@ const NAMES: [&str; KIND_COUNT] = [
     "finding-opened",
     "finding-closed",
     "test-case",
+    "link",
 ];
 
 /// Place in [`NAMES`]. A new kind does not compile before it has one.
@@ -106,6 +107,7 @@ const fn number(kind: &EventKind) -> u32 {
         EventKind::FindingOpened(_) => 43,
         EventKind::FindingClosed(_) => 44,
         EventKind::TestCase(_) => 45,
+        EventKind::Link { .. } => 46,
     }
 }
 

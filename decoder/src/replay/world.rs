@@ -119,6 +119,9 @@ impl World {
         if let Notice::Unreadable { .. } = notice {
             self.counts.unreadable += 1;
         }
+        if let Notice::Link { time, .. } | Notice::Quiet(time) = notice {
+            self.time = self.time.max(Some(*time));
+        }
         let (decoder, mut teller) = self.teller(out);
         decoder.notice(notice, names, &mut teller);
     }

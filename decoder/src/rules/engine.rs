@@ -24,7 +24,7 @@ use crate::statistics::Quality;
 const STAMPS_JUDGED: u64 = 1_000;
 
 /// Kinds that limit the verdicts.
-const LIMITING: [&str; 4] = ["unreadable", "lost-frames", "clock-step", "bus-silent"];
+const LIMITING: [&str; 5] = ["unreadable", "lost-frames", "clock-step", "bus-silent", "link"];
 
 /// Wakes while time goes on by one step: it may leap over years, and who asks to be woken again and again is woken
 /// at its end then.

@@ -54,6 +54,8 @@ pub struct Bus {
     /// Last frame seen and its stamp.
     pub(super) last_frame: u64,
     pub(super) last_time: Option<Timestamp>,
+    /// Bit rate the recorder told, in bit/s.
+    pub(super) told_rate: Option<u32>,
 }
 
 /// What is said once a bus.
@@ -94,6 +96,7 @@ impl Bus {
             undecoded: (0, 0),
             last_frame: 0,
             last_time: None,
+            told_rate: None,
         };
         bus.take_given();
         bus

@@ -103,9 +103,14 @@ impl Bus {
         self.channels.add(node, GIVEN_CHANNEL, request, response, None)
     }
 
-    /// Bit rate the user gave, in bit/s.
+    /// Bit rate in bit/s: the user's, else what the recorder told.
     pub fn bit_rate(&self) -> Option<u32> {
-        self.options.bus_file.bit_rate(&self.name)
+        self.options.bus_file.bit_rate(&self.name).or(self.told_rate)
+    }
+
+    /// Takes the bit rate the recorder tells.
+    pub fn hear_bit_rate(&mut self, rate: u32) {
+        self.told_rate = Some(rate);
     }
 }
 

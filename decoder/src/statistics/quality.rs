@@ -71,7 +71,7 @@ impl Quality {
     /// Takes an event.
     pub fn event(&mut self, event: &Event) {
         match &event.kind {
-            EventKind::Unreadable { .. } => self.unreadable += 1,
+            EventKind::Unreadable { count, .. } => self.unreadable += count,
             EventKind::LostFrames { count } => self.lost += count.unwrap_or(1),
             EventKind::ClockStep { step } => {
                 self.clock_steps = (self.clock_steps.0 + 1, self.clock_steps.1.min(*step));

@@ -24,7 +24,10 @@ pub(super) fn reach(event: &Event) -> Option<Reach> {
         EventKind::NmtCommand { target, .. } => {
             return Some(if *target == 0 { Reach::Bus } else { Reach::Node((*target).into()) });
         }
-        EventKind::CanError(_) | EventKind::BusSilent { .. } | EventKind::LostFrames { .. } => {
+        EventKind::CanError(_)
+        | EventKind::BusSilent { .. }
+        | EventKind::LostFrames { .. }
+        | EventKind::Link { .. } => {
             return Some(Reach::Bus);
         }
         EventKind::Sync { expected, .. } => return expected.map(|_| Reach::Bus),

@@ -25,8 +25,8 @@ const ERROR_FLAG: u32 = 0x2000_0000;
 pub(super) enum Line<'a> {
     /// A frame.
     Frame(FrameLine<'a>),
-    /// candump -d: the socket lost this many frames.
-    Dropped(u64),
+    /// candump -d: the socket of an interface lost this many frames.
+    Dropped { count: u64, bus: &'a [u8] },
     /// Nothing, and rightly so: blank, comment, marker, detail of an error frame, shell prompt.
     Nothing,
 }
@@ -65,8 +65,8 @@ pub(super) fn parse(line: &[u8]) -> Result<Line<'_>, LineError> {
     if is_nothing(line) {
         return Ok(Line::Nothing);
     }
-    if let Ok((_, count)) = drop_count(line) {
-        return Ok(Line::Dropped(count));
+    if let Ok((_, (count, bus))) = drop_count(line) {
+        return Ok(Line::Dropped { count, bus });
     }
     let Ok((rest, (stamp, is_date))) = leading_stamp(line) else {
         return Err(LineError::Broken("time stamp: expected (seconds.fraction) or (date time.fraction)"));
@@ -94,10 +94,10 @@ pub(super) fn parse(line: &[u8]) -> Result<Line<'_>, LineError> {
 }
 
 /// `DROPCOUNT: dropped 55 CAN frames on 'vcan0' socket (total drops 55)`
-fn drop_count(line: &[u8]) -> Parsed<'_, u64> {
-    delimited(tag("DROPCOUNT: dropped "), digit1, tag(" CAN frame"))
-        .map(|digits| u64::try_from(decimal(digits)).unwrap_or(0))
-        .parse(line)
+fn drop_count(line: &[u8]) -> Parsed<'_, (u64, &[u8])> {
+    let (rest, digits) = delimited(tag("DROPCOUNT: dropped "), digit1, tag(" CAN frame")).parse(line)?;
+    let bus = rest.split(|byte| *byte == b'\'').nth(1).unwrap_or_default();
+    Ok((rest, (u64::try_from(decimal(digits)).unwrap_or(0), bus)))
 }
 
 /// The line without the colours of `candump -c`.

@@ -104,11 +104,10 @@ impl Candump {
     fn line(&mut self, line: &[u8], batch: &mut Batch) {
         match line::parse(&line::without_colors(line)) {
             Ok(Line::Nothing) => {}
-            Ok(Line::Dropped(count)) => {
-                batch.notice(Notice::LostFrames {
-                    place: Place::Line(self.lines.number()),
-                    count: Some(count),
-                });
+            Ok(Line::Dropped { count, bus }) => {
+                let bus = self.buses.index_of(bus).unwrap_or_default();
+                let place = Place::Line(self.lines.number());
+                batch.notice(Notice::LostFrames { place, bus, count: Some(count) });
             }
             Ok(Line::Frame(found)) => self.frame(&found, batch),
             Err(error) => self.unreadable(line, &error, batch),

@@ -2,6 +2,7 @@
 
 use std::io::{self, Write};
 
+use super::super::Notice;
 use super::super::writer::FrameWriter;
 use crate::frame::{CanId, Frame, FrameFlags, Timestamp};
 
@@ -68,7 +69,12 @@ impl<W: Write + Send> FrameWriter for CandumpWriter<W> {
         self.line(frame, bus)
     }
 
-    fn finish(&mut self) -> io::Result<()> {
+    /// The log form has frames only; a `DROPCOUNT` line, which candump prints on the screen, stops other readers.
+    fn notice(&mut self, _notice: &Notice, _bus: &str) -> io::Result<bool> {
+        Ok(false)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
         self.output.flush()
     }
 }

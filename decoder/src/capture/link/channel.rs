@@ -140,6 +140,11 @@ impl Channel {
         Some(bus)
     }
 
+    /// The bus of an interface that is one bus.
+    pub(in crate::capture) fn own_bus(&mut self, buses: &mut BusNames) -> Option<BusIndex> {
+        self.bus(None, buses)
+    }
+
     /// What to say at the end about packets that were no CAN.
     pub(in crate::capture) fn summary(&self) -> Option<Notice> {
         if self.skipped == 0 {

@@ -14,6 +14,7 @@
 
 mod block;
 mod interface;
+mod remark;
 mod section;
 mod write;
 
@@ -40,6 +41,9 @@ pub(super) const WRITABLE: WritableFormat = WritableFormat {
     title: FORMAT.title,
     writer: |output| Box::new(write::PcapngWriter::new(output)),
 };
+
+/// Option of any block: a comment.
+const COMMENT: u16 = 1;
 
 /// Longer blocks are taken for damage: skipping them would lose the rest of the capture.
 const LARGEST_BLOCK: u64 = 64 * 1024 * 1024;

@@ -10,11 +10,12 @@
 
 use super::block::{Block, Kind, START};
 use super::interface::{Interface, Options};
-use super::unreadable;
+use super::remark::Remark;
+use super::{COMMENT, unreadable};
 use crate::capture::byte_order::ByteOrder;
 use crate::capture::link::{Head, Output, common};
 use crate::capture::{Batch, BusNames, Notice, Place};
-use crate::frame::FrameFlags;
+use crate::frame::{BusIndex, FrameFlags};
 
 /// Interfaces kept of one section; packets of further ones are unreadable.
 const MAX_INTERFACES: usize = 1_024;
@@ -133,8 +134,11 @@ impl Section {
             }
             Kind::ObsoletePacket => {
                 let lost = block.order.u16(block.body, 2).filter(|lost| *lost != LOSS_UNKNOWN);
-                say_lost(u64::from(lost.unwrap_or(0)), place, batch);
                 let number = block.order.u16(block.body, 0).map(u32::from);
+                if let Some(lost) = lost.filter(|lost| *lost > 0) {
+                    let bus = self.bus_of(number);
+                    say_lost(u64::from(lost), bus, place, batch);
+                }
                 self.packet(number, block, place, batch);
             }
             Kind::SimplePacket => self.simple_packet(block, place, batch),
@@ -179,7 +183,12 @@ impl Section {
         let mut flags = FrameFlags::default();
         if block.kind == Kind::Packet {
             let options = data.get((captured as usize).next_multiple_of(4)..).unwrap_or_default();
-            flags = packet_options(options, order, place, batch);
+            let lost;
+            (flags, lost) = packet_options(options, order);
+            if lost > 0 {
+                let bus = interface.channel.own_bus(&mut self.buses).unwrap_or_default();
+                say_lost(lost, bus, place, batch);
+            }
         }
         let head = Head { time: Some(interface.clock.time(high, low)), flags, place };
         let mut out = Output { batch, frames: &mut self.frames, buses: &mut self.buses };
@@ -208,15 +217,38 @@ impl Section {
     fn statistics(&mut self, block: &Block<'_>, place: Place, batch: &mut Batch) {
         let number = block.order.u32(block.body, 0).unwrap_or(u32::MAX);
         let Some(interface) = self.interfaces.get_mut(number as usize) else { return };
-        let options = Options::new(block.body.get(12..).unwrap_or_default(), block.order);
-        let lost = options
+        let options = || Options::new(block.body.get(12..).unwrap_or_default(), block.order);
+        let lost = options()
             .filter(|(code, _)| matches!(*code, ISB_IFDROP | ISB_OSDROP))
             .filter_map(|(_, value)| block.order.u64(value, 0))
             .fold(0u64, u64::saturating_add);
-        if interface.channel.may_hold_can() {
-            say_lost(lost.saturating_sub(interface.lost), place, batch);
-            interface.lost = interface.lost.max(lost);
+        if !interface.channel.may_hold_can() {
+            return;
         }
+        let newly = lost.saturating_sub(interface.lost);
+        interface.lost = interface.lost.max(lost);
+        let comment = options().find(|(code, _)| *code == COMMENT).and_then(|(_, text)| Remark::parse(text));
+        if newly == 0 && comment.is_none() {
+            return;
+        }
+        let time = (block.order.u32(block.body, 4), block.order.u32(block.body, 8));
+        let (Some(bus), (Some(high), Some(low))) = (interface.channel.own_bus(&mut self.buses), time) else {
+            return;
+        };
+        say_lost(newly, bus, place, batch);
+        let time = interface.clock.time(high, low);
+        match comment {
+            Some(Remark::Link(state, bit_rate)) => {
+                batch.notice(Notice::Link { bus, time, state, bit_rate });
+            }
+            Some(Remark::Quiet) => batch.notice(Notice::Quiet(time)),
+            None => {}
+        }
+    }
+
+    fn bus_of(&mut self, number: Option<u32>) -> BusIndex {
+        let interface = number.and_then(|number| self.interfaces.get_mut(number as usize));
+        interface.and_then(|interface| interface.channel.own_bus(&mut self.buses)).unwrap_or_default()
     }
 
     /// Says which packets of the section were no CAN.
@@ -227,22 +259,22 @@ impl Section {
     }
 }
 
-/// Direction of a packet; losses before it are said.
-fn packet_options(options: &[u8], order: ByteOrder, place: Place, batch: &mut Batch) -> FrameFlags {
-    let mut flags = FrameFlags::default();
+/// Direction of a packet, and how many were lost before it.
+fn packet_options(options: &[u8], order: ByteOrder) -> (FrameFlags, u64) {
+    let (mut flags, mut lost) = (FrameFlags::default(), 0u64);
     for (code, value) in Options::new(options, order) {
         match (code, order.u32(value, 0).map(|bits| bits & 3), order.u64(value, 0)) {
             (EPB_FLAGS, Some(1), _) => flags = flags.with(FrameFlags::RECEIVED),
             (EPB_FLAGS, Some(2), _) => flags = flags.with(FrameFlags::TRANSMITTED),
-            (EPB_DROPCOUNT, _, Some(lost)) => say_lost(lost, place, batch),
+            (EPB_DROPCOUNT, _, Some(count)) => lost = lost.saturating_add(count),
             _ => {}
         }
     }
-    flags
+    (flags, lost)
 }
 
-fn say_lost(lost: u64, place: Place, batch: &mut Batch) {
+fn say_lost(lost: u64, bus: BusIndex, place: Place, batch: &mut Batch) {
     if lost > 0 {
-        batch.notice(Notice::LostFrames { place, count: Some(lost) });
+        batch.notice(Notice::LostFrames { place, bus, count: Some(lost) });
     }
 }

@@ -10,18 +10,24 @@
 use std::io::{self, Write};
 
 use super::super::writer::FrameWriter;
-use crate::frame::{CanId, Frame, FrameFlags};
+use super::COMMENT;
+use super::remark::Remark;
+use crate::capture::Notice;
+use crate::frame::{CanId, Frame, FrameFlags, Timestamp};
 
 const SECTION_HEADER: u32 = 0x0A0D_0D0A;
 const INTERFACE: u32 = 1;
 const PACKET: u32 = 6;
+const STATISTICS: u32 = 5;
 const BYTE_ORDER: u32 = 0x1A2B_3C4D;
 const CAN_SOCKETCAN: u16 = 227;
 
-/// Options: name of an interface, resolution of its stamps (10^-n), flags of a packet, end.
+/// Options: comment; name of an interface, resolution of its stamps (10^-n); flags of a packet; packets lost by the
+/// system since the interface was opened; end.
 const NAME: u16 = 2;
 const RESOLUTION: u16 = 9;
 const PACKET_FLAGS: u16 = 2;
+const LOST: u16 = 7;
 const END: u16 = 0;
 
 /// Flags of a packet: to this host, from it.
@@ -41,13 +47,15 @@ const FD: u8 = 4;
 /// Writer of pcapng. It has no packets without time: those of frames without one are stamped 0.
 pub(super) struct PcapngWriter<W> {
     output: W,
-    buses: Vec<String>,
+    /// Name of each interface, and frames lost on it.
+    buses: Vec<(String, u64)>,
+    time: Timestamp,
     has_begun: bool,
 }
 
 impl<W: Write> PcapngWriter<W> {
     pub(super) fn new(output: W) -> Self {
-        Self { output, buses: Vec::new(), has_begun: false }
+        Self { output, buses: Vec::new(), time: Timestamp::default(), has_begun: false }
     }
 
     fn block(&mut self, kind: u32, body: &[u8]) -> io::Result<()> {
@@ -71,10 +79,10 @@ impl<W: Write> PcapngWriter<W> {
     }
 
     fn interface(&mut self, bus: &str) -> io::Result<u32> {
-        let known = self.buses.iter().position(|name| name == bus);
+        let known = self.buses.iter().position(|(name, _)| name == bus);
         let index = known.unwrap_or(self.buses.len());
         if known.is_none() {
-            self.buses.push(bus.to_owned());
+            self.buses.push((bus.to_owned(), 0));
             let mut body = CAN_SOCKETCAN.to_le_bytes().to_vec();
             body.extend_from_slice(&[0; 6]);
             option(&mut body, NAME, bus.as_bytes());
@@ -84,6 +92,31 @@ impl<W: Write> PcapngWriter<W> {
         }
         Ok(u32::try_from(index).unwrap_or(u32::MAX))
     }
+
+    /// What is known of an interface at a time: frames lost so far, and a remark.
+    fn statistics(&mut self, bus: &str, time: Timestamp, remark: Option<Remark>) -> io::Result<()> {
+        self.begin()?;
+        let interface = self.interface(bus)?;
+        let lost = self.buses.get(interface as usize).map_or(0, |(_, lost)| *lost);
+        let mut body = interface.to_le_bytes().to_vec();
+        for half in halves(time) {
+            body.extend_from_slice(&half.to_le_bytes());
+        }
+        if let Some(remark) = remark {
+            option(&mut body, COMMENT, remark.text().as_bytes());
+        }
+        if lost > 0 {
+            option(&mut body, LOST, &lost.to_le_bytes());
+        }
+        option(&mut body, END, &[]);
+        self.block(STATISTICS, &body)
+    }
+}
+
+/// A time in nanoseconds as the two halves of a stamp.
+fn halves(time: Timestamp) -> [u32; 2] {
+    let stamp = u64::try_from(time.0).unwrap_or(0);
+    [stamp >> 32, stamp & u64::from(u32::MAX)].map(|half| u32::try_from(half).unwrap_or(u32::MAX))
 }
 
 /// Appends an option, padded to four bytes.
@@ -127,9 +160,8 @@ impl<W: Write + Send> FrameWriter for PcapngWriter<W> {
     fn write(&mut self, frame: &Frame, bus: &str) -> io::Result<()> {
         self.begin()?;
         let interface = self.interface(bus)?;
-        let stamp = frame.time.map_or(0, |time| u64::try_from(time.0).unwrap_or(0));
-        let high = u32::try_from(stamp >> 32).unwrap_or(u32::MAX);
-        let low = u32::try_from(stamp & u64::from(u32::MAX)).unwrap_or(u32::MAX);
+        self.time = frame.time.unwrap_or_default();
+        let [high, low] = halves(self.time);
         let packet = packet(frame);
         let length = u32::try_from(packet.len()).unwrap_or(u32::MAX);
         let mut body = Vec::with_capacity(128);
@@ -150,7 +182,27 @@ impl<W: Write + Send> FrameWriter for PcapngWriter<W> {
         self.block(PACKET, &body)
     }
 
-    fn finish(&mut self) -> io::Result<()> {
+    fn notice(&mut self, notice: &Notice, bus: &str) -> io::Result<bool> {
+        let (time, remark) = match *notice {
+            Notice::LostFrames { count: Some(count), .. } => {
+                self.begin()?;
+                let interface = self.interface(bus)?;
+                if let Some((_, lost)) = self.buses.get_mut(interface as usize) {
+                    *lost = lost.saturating_add(count);
+                }
+                (self.time, None)
+            }
+            Notice::Link { time, state, bit_rate, .. } => (time, Some(Remark::Link(state, bit_rate))),
+            Notice::Quiet(time) => (time, Some(Remark::Quiet)),
+            Notice::LostFrames { count: None, .. } | Notice::Unreadable { .. } | Notice::Assumption(_) => {
+                return Ok(false);
+            }
+        };
+        self.statistics(bus, time, remark)?;
+        Ok(true)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
         self.begin()?;
         self.output.flush()
     }

@@ -148,7 +148,7 @@ impl Trc {
             return;
         };
         if found.lost {
-            batch.notice(Notice::LostFrames { place, count: None });
+            batch.notice(Notice::LostFrames { place, bus, count: None });
         }
         self.frames += 1;
         let time = Some(Timestamp(self.start).plus(found.offset));

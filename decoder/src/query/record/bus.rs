@@ -44,7 +44,14 @@ pub(super) fn about_the_bus(kind: &EventKind, fields: &mut dyn Fields) {
         EventKind::LostFrames { count } => {
             fields.field("count", count.map_or(FieldValue::Null, FieldValue::Unsigned));
         }
-        EventKind::Unreadable { line, offset, reason } => {
+        EventKind::Link { state, bit_rate } => {
+            fields.field("state", FieldValue::Text(state.name()));
+            fields.field(
+                "bit_rate",
+                bit_rate.map_or(FieldValue::Null, |rate| FieldValue::Unsigned(rate.into())),
+            );
+        }
+        EventKind::Unreadable { line, offset, reason, .. } => {
             if let Some(line) = line {
                 fields.field("line", FieldValue::Unsigned(*line));
             }

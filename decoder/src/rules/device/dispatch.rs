@@ -59,7 +59,7 @@ impl DeviceRules {
                     }
                 }
             }
-            EventKind::BusSilent { .. } | EventKind::LostFrames { .. } => {
+            EventKind::BusSilent { .. } | EventKind::LostFrames { .. } | EventKind::Link { .. } => {
                 for id in self.ids.clone() {
                     self.at(id, bus, |judged| judged.own.interrupted());
                 }

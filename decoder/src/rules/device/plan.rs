@@ -53,8 +53,16 @@ impl Plan {
             stretches: Vec::new(),
             kinds: (KindSet::NONE, KindSet::NONE),
         };
-        let mut names: Vec<&str> =
-            vec!["boot-up", "emcy", "nmt-command", "nmt-state", "node-lost", "bus-silent", "lost-frames"];
+        let mut names: Vec<&str> = vec![
+            "boot-up",
+            "emcy",
+            "nmt-command",
+            "nmt-state",
+            "node-lost",
+            "bus-silent",
+            "lost-frames",
+            "link",
+        ];
         for (number, rule) in device.rules.iter().enumerate() {
             let place = ledger.add_rule(info::of(device, rule), info::takes_in(device, rule));
             plan.places.push(place);
@@ -69,7 +77,8 @@ impl Plan {
             |is_needed: fn(&str) -> bool| KindSet::by_name(|name| names.contains(&name) && is_needed(name));
         let is_of_canopen = |name: &str| !matches!(name, "j1939-message" | "message-gap" | "dtc");
         let is_of_j1939 = |name: &str| {
-            let own = ["j1939-message", "message-gap", "dtc", "bus-silent", "device-state", "lost-frames"];
+            let own =
+                ["j1939-message", "message-gap", "dtc", "bus-silent", "device-state", "lost-frames", "link"];
             own.contains(&name)
         };
         plan.kinds = (on(is_of_canopen), on(is_of_j1939));

@@ -24,7 +24,7 @@ declare_rule! {
     /// # Mutation
     /// drop an answer to guarding
     "guard-no-answer", Warning, "a guarding request is not answered",
-    kinds: ["guard-request", "guard-reply", "heartbeat", "boot-up", "nmt-command", "node-lost", "lost-frames"],
+    kinds: ["guard-request", "guard-reply", "heartbeat", "boot-up", "nmt-command", "node-lost", "lost-frames", "link"],
     cases: &["7.2", "7.4", "7.203"],
     word: "GUARD",
 }
@@ -107,7 +107,7 @@ impl Rule for GuardNoAnswer {
         match event.kind {
             EventKind::NmtCommand { service, target, .. } => return self.reset(service, target),
             // What was lost may have been answers.
-            EventKind::LostFrames { .. } => return self.nodes = NodeMap::default(),
+            EventKind::LostFrames { .. } | EventKind::Link { .. } => return self.nodes = NodeMap::default(),
             _ => {}
         }
         let Some(node) = event.node else { return };

@@ -26,7 +26,7 @@ declare_rule! {
     /// # Mutation
     /// drop every fifth heartbeat
     "heartbeat-period", Warning, "heartbeats do not come at their time",
-    kinds: ["heartbeat", "boot-up", "node-lost", "lost-frames", "sdo-transfer"],
+    kinds: ["heartbeat", "boot-up", "node-lost", "lost-frames", "link", "sdo-transfer"],
     cases: &["7.102", "7.103", "7.202", "7.204", "7.206"],
     is_timing: true,
     word: "BEAT",
@@ -119,7 +119,7 @@ impl Rule for HeartbeatPeriod {
             (EventKind::BootUp { .. } | EventKind::NodeLost(_), Some(node)) => {
                 self.watches.remove(node);
             }
-            (EventKind::LostFrames { .. }, _) => self.watches = NodeMap::default(),
+            (EventKind::LostFrames { .. } | EventKind::Link { .. }, _) => self.watches = NodeMap::default(),
             _ => {}
         }
     }

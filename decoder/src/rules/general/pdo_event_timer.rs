@@ -23,7 +23,7 @@ declare_rule! {
     /// # Mutation
     /// drop two PDOs of one with an event timer
     "pdo-event-timer", Warning, "a TPDO comes later than its event timer",
-    kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames"],
+    kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames", "link"],
     cases: &["3.5"],
     is_timing: true,
     word: "PDO",

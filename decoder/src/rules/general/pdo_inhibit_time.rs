@@ -23,7 +23,7 @@ declare_rule! {
     /// # Mutation
     /// insert further PDOs of one with an inhibit time
     "pdo-inhibit-time", Warning, "a TPDO comes sooner than its inhibit time",
-    kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames"],
+    kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames", "link"],
     is_timing: true,
     word: "PDO",
     tolerances: &[tolerance("warning-percent", 80.0, "%", "of the inhibit time, less 1 ms")],

@@ -34,7 +34,10 @@ impl PdoParameter {
             EventKind::SdoTransfer(transfer) => transfer
                 .object
                 .is_some_and(|object| matches!(object.index, 0x1005..=0x1007 | 0x1400..=0x1BFF)),
-            EventKind::BootUp { .. } | EventKind::NmtState(_) | EventKind::LostFrames { .. } => true,
+            EventKind::BootUp { .. }
+            | EventKind::NmtState(_)
+            | EventKind::LostFrames { .. }
+            | EventKind::Link { .. } => true,
             _ => false,
         };
         if changes {

@@ -23,7 +23,7 @@ declare_rule! {
     /// # Mutation
     /// duplicate PDOs of an acyclic TPDO
     "pdo-sync-acyclic", Warning, "an acyclic TPDO comes without a SYNC",
-    kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames"],
+    kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames", "link"],
     cases: &["3.7"],
     word: "SYNC",
 }

@@ -27,7 +27,7 @@ declare_rule! {
     /// # Mutation
     /// drop every third PDO of a synchronous TPDO
     "pdo-sync-cyclic", Warning, "a synchronous TPDO does not follow its SYNCs",
-    kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames"],
+    kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames", "link"],
     cases: &["3.6", "3.8", "6.3"],
     word: "SYNC",
 }

@@ -28,7 +28,7 @@ declare_rule! {
     /// # Mutation
     /// change the index in an answer
     "sdo-answer-mismatch", Warning, "an SDO answer names another object than the request",
-    kinds: ["sdo-transfer", "lost-frames"],
+    kinds: ["sdo-transfer", "lost-frames", "link"],
     cases: &["2.7"],
     word: "SDO",
 }
@@ -100,7 +100,7 @@ impl Rule for SdoAnswerMismatch {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match (&event.kind, event.node) {
             (EventKind::SdoTransfer(transfer), Some(node)) => self.transfer(event, node, transfer, context),
-            (EventKind::LostFrames { .. }, _) => self.servers = NodeMap::default(),
+            (EventKind::LostFrames { .. } | EventKind::Link { .. }, _) => self.servers = NodeMap::default(),
             _ => {}
         }
     }

@@ -8,7 +8,7 @@ use crate::event::{
     BootCause, Certainty, Event, EventKind, FrameRange, ObjectChange, PowerSign, Silence, StateCause,
     StateChange, Undecoded,
 };
-use crate::frame::FrameFlags;
+use crate::frame::{FrameFlags, LinkState};
 use crate::profile;
 use crate::query::record::{can_error_text, device as device_of, time_of_day};
 use crate::session::Bus;
@@ -215,12 +215,26 @@ fn bus_words(event: &Event, words: impl Fn(&'static str, String, Tone) -> Words)
             let count = count.map_or("some".into(), |count| count.to_string());
             words("DROP", format!("the recorder lost {count} frames"), Tone::Bad)
         }
-        EventKind::Unreadable { line, offset, reason } => {
+        EventKind::Link { state, bit_rate } => {
+            let tone = if *state == LinkState::Up { Tone::Plain } else { Tone::Bad };
+            words("LINK", link(*state, *bit_rate), tone)
+        }
+        EventKind::Unreadable { line, offset, reason, .. } => {
             words("UNREAD", unreadable(*line, *offset, reason), Tone::Caution)
         }
         EventKind::TestCase(marker) => words("TEST", test_case(*marker), Tone::Plain),
         EventKind::Note { text } => words("NOTE", text.clone(), Tone::Caution),
         _ => words("", event.kind.name().into(), Tone::Plain),
+    }
+}
+
+/// What becomes of the bus; `bit_rate` in bit/s.
+fn link(state: LinkState, bit_rate: Option<u32>) -> String {
+    match (state, bit_rate) {
+        (LinkState::Up, Some(rate)) => format!("the way to the bus is open, {rate} bit/s"),
+        (LinkState::Up, None) => "the way to the bus is open".to_owned(),
+        (LinkState::Down, _) => "the interface is down: nothing is seen until it is up".to_owned(),
+        (LinkState::Gone, _) => "the interface is gone: nothing is seen until it is back".to_owned(),
     }
 }
 

@@ -38,8 +38,7 @@ pub fn run(arguments: &StatsArgs) -> Exit {
     report(&arguments.input, |path, options, output| {
         let mut counting = Counting(Statistics::default());
         let decoded = decode_capture(path, &arguments.input, options, &mut counting)?;
-        let Counting(mut statistics) = counting;
-        statistics.quality.unreadable = decoded.decoder.unreadable();
+        let Counting(statistics) = counting;
         let capture = path.display().to_string();
         let report =
             Report { capture, format: decoded.format, statistics, decoder: decoded.decoder, arguments };
