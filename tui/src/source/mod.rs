@@ -1,5 +1,6 @@
 //! All input: files and standard input, decompressed, as readers of frames.
 
+pub mod live;
 mod progress;
 mod store;
 
