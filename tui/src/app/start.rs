@@ -47,6 +47,7 @@ impl App {
             area: Rect::new(0, 0, 80, 24),
             command: start.command,
             clicked: None,
+            early: Vec::new(),
         };
         app.go_to(start.at);
         app

@@ -9,7 +9,7 @@ use anyhow::{Context as _, ensure};
 use super::complain;
 use super::input::{captures, read_options, session_options, setup};
 use crate::app::{App, Start, quoted};
-use crate::cli::{Color, ThemeName, ViewArgs};
+use crate::cli::{Color, ScreenArgs, ThemeName, ViewArgs};
 use crate::exit_code::Exit;
 use crate::terminal::{self, Message, Screen};
 use crate::theme::{Borders, Depth, Palette, Theme};
@@ -52,7 +52,7 @@ fn captures_of(arguments: &ViewArgs) -> anyhow::Result<Captures> {
 pub fn open(arguments: &ViewArgs, command: String) -> anyhow::Result<(App, Receiver<News>)> {
     let (news, found) = channel();
     let timeline = Timeline::open(captures_of(arguments)?, news)?;
-    Ok((App::new(timeline, theme(arguments), start(arguments, command)), found))
+    Ok((App::new(timeline, theme(&arguments.screen, arguments.color), start(arguments, command)), found))
 }
 
 fn show(arguments: &ViewArgs, captures: Captures) -> anyhow::Result<()> {
@@ -72,7 +72,7 @@ fn show(arguments: &ViewArgs, captures: Captures) -> anyhow::Result<()> {
         })
         .context("no thread can be started")?;
     let command = command(std::env::args().skip(1));
-    let mut app = App::new(timeline, theme(arguments), start(arguments, command));
+    let mut app = App::new(timeline, theme(&arguments.screen, arguments.color), start(arguments, command));
     let mut screen = Screen::take()?;
     terminal::listen(messages)?;
     terminal::run(&mut app, &mut screen, &inbox)
@@ -88,8 +88,8 @@ fn ensure_keys(arguments: &ViewArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn theme(arguments: &ViewArgs) -> Theme {
-    let is_plain = match arguments.color {
+pub(super) fn theme(arguments: &ScreenArgs, color: Color) -> Theme {
+    let is_plain = match color {
         Color::Always => false,
         Color::Never => true,
         Color::Auto => std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty()),
@@ -111,7 +111,7 @@ fn theme(arguments: &ViewArgs) -> Theme {
 fn start(arguments: &ViewArgs, command: String) -> Start {
     Start {
         command,
-        pane: arguments.pane,
+        pane: arguments.screen.pane,
         at: arguments.at,
         filter: arguments.filter.clone().map(|filter| (filter.to_string(), filter)),
         all: arguments.all,

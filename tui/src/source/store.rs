@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use cobscope_decoder::capture::{decompress, is_compressed};
@@ -13,6 +14,12 @@ use super::HEAD;
 
 /// Bytes written to the temporary file at a time.
 const PIECE: usize = 256 * 1024;
+
+/// Fewer bytes than this in a microsecond come from something that happens as it is read: a CAN bus has 0.4.
+const TRICKLE: u128 = 2;
+
+/// How long what trickles is gathered.
+const GATHER: Duration = Duration::from_millis(10);
 
 /// The decompressed bytes of a capture.
 pub struct Store {
@@ -73,7 +80,7 @@ impl Store {
     fn fill(&self, source: Box<dyn Read + Send>) -> anyhow::Result<()> {
         let mut source = decompress(BufReader::with_capacity(HEAD, source))?;
         let mut piece = vec![0; PIECE];
-        let mut written = 0;
+        let (mut written, mut last) = (0, Instant::now());
         loop {
             let count = match source.read(&mut piece) {
                 Ok(0) => return Ok(()),
@@ -91,6 +98,11 @@ impl Store {
             self.grew.notify_all();
             if is_abandoned {
                 return Ok(());
+            }
+            // What trickles is gathered a while: each piece wakes all who wait for more.
+            let took = std::mem::replace(&mut last, Instant::now()).elapsed();
+            if (count as u128) < took.as_micros() * TRICKLE {
+                std::thread::sleep(GATHER);
             }
         }
     }

@@ -9,6 +9,7 @@
 use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError};
 use std::sync::{Arc, PoisonError};
+use std::time::Duration;
 
 use cobscope_decoder::capture::CaptureError;
 use cobscope_decoder::frame::{Frame, Timestamp};
@@ -17,6 +18,9 @@ use cobscope_decoder::replay::{Mark, Spot, Told, World};
 use super::shared::Shared;
 use super::walk::Walk;
 use super::{Matcher, Matches, News, Row};
+
+/// How long the index may take to its first frames before it is shown that there are none yet.
+const FIRST_WAIT: Duration = Duration::from_millis(50);
 
 /// Frames between own marks.
 const NEAR: u64 = 8_192;
@@ -93,6 +97,7 @@ pub struct Window {
 pub(super) fn run(shared: &Arc<Shared>, orders: &Receiver<Order>, news: &Sender<News>) {
     let mut seeker = Seeker { shared: Arc::clone(shared), near: VecDeque::new() };
     let mut next = orders.recv().ok();
+    shared.wait_for_first(FIRST_WAIT);
     while let Some(order) = next.take() {
         let mut newer = None;
         let mut is_stale = || {

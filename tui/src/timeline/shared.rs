@@ -2,6 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError, RwLock};
+use std::time::{Duration, Instant};
 
 use cobscope_decoder::capture::{CaptureError, Merged, MergedCapture, MergedPosition, ReadOptions, Reader};
 use cobscope_decoder::frame::Timestamp;
@@ -145,6 +146,14 @@ impl Shared {
         let mut may_begin = self.may_begin.lock().unwrap_or_else(PoisonError::into_inner);
         while !*may_begin {
             may_begin = self.begins.wait(may_begin).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    /// Lets the index come to its first frames, `most` at most.
+    pub(super) fn wait_for_first(&self, most: Duration) {
+        let start = Instant::now();
+        while self.progress.frames() == 0 && !self.progress.is_complete() && start.elapsed() < most {
+            std::thread::sleep(Duration::from_millis(1));
         }
     }
 

@@ -9,6 +9,11 @@
 //! A source tells of its buses what a recorder knows: frames, links that open and close, frames that were lost.
 //! Where it is gone it comes back by itself.
 
+#[cfg(all(target_os = "linux", feature = "socketcan"))]
+mod socketcan;
+mod gather;
+mod spec;
+
 use std::time::Duration;
 
 use cobscope_decoder::capture::{BusNames, Notice};
