@@ -268,7 +268,24 @@ fn lanes(captures: &Captures) -> anyhow::Result<(Vec<Lane>, Option<Timestamp>)> 
     Ok((lanes, first.copied()))
 }
 
-/// A capture's name without digits: parts of one recording differ in them.
+/// A capture's name without digits: parts of one recording differ in them. The first one may have no number, as in
+/// `run.log` and `run-0002.log`.
 fn recording(name: &str) -> String {
-    name.chars().filter(|character| !character.is_ascii_digit()).collect()
+    let name: String = name.chars().filter(|character| !character.is_ascii_digit()).collect();
+    name.replace("-.", ".")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_of_a_recording_are_called_alike() {
+        let of = |names: &[&str]| names.iter().map(|name| recording(name)).collect::<Vec<_>>();
+        assert_eq!(of(&["a/run.log", "a/run-0002.log", "a/run-0013.log"]), ["a/run.log"; 3]);
+        let usual = ["candump-2026-11-22_073051.log", "candump-2026-11-22_073051-0002.log"];
+        assert_eq!(of(&usual), ["candump---_.log"; 2]);
+        assert_ne!(recording("run.log"), recording("run.pcapng"));
+        assert_ne!(recording("front.log"), recording("front-left.log"));
+    }
 }
