@@ -18,6 +18,8 @@ pub use input::{FileArg, InputArgs, NodeArg, Protocol, SelectArgs, StampStyle};
 pub use live::LiveArgs;
 pub use view::{ScreenArgs, ThemeName, ViewArgs};
 
+use crate::select::Bound;
+
 /// Read CAN buses: what did the CANopen and J1939 devices do?
 ///
 /// A capture may be candump text in any dialect, pcap, pcapng, PEAK TRC or Vector ASC, plain or

@@ -8,7 +8,6 @@ use super::print::{Judging, Printer, engine};
 use super::{complain, decode_capture};
 use crate::cli::DecodeArgs;
 use crate::exit_code::Exit;
-use crate::select::Selection;
 
 /// Runs the command.
 pub fn run(arguments: &DecodeArgs) -> Exit {

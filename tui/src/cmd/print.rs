@@ -109,7 +109,7 @@ impl Printer {
         }
     }
 
-    fn begin(&mut self, first: &Frame) -> anyhow::Result<()> {
+    pub(super) fn begin(&mut self, first: &Frame) -> anyhow::Result<()> {
         if let Sink::Text(text) = &mut self.sink {
             text.see(first.time);
         }

@@ -2,6 +2,7 @@
 
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, PoisonError};
+use std::time::{Duration, Instant};
 
 use cobscope_decoder::event::{
     DtcAction, EmcyAction, Event, EventKind, ExchangeOutcome, FindingNews, FrameRange, MessageOutcome,
@@ -34,6 +35,9 @@ const MOST_NEWS: usize = 10_000;
 
 /// Frames between two times what was found is told.
 const STRIDE: u64 = 65_536;
+
+/// How often the survey of what is still coming is told.
+const TELL: Duration = Duration::from_millis(200);
 
 /// What is known of the capture as a whole.
 #[derive(Default)]
@@ -126,9 +130,18 @@ pub(super) fn run(shared: &Shared, setup: &Arc<Setup>, news: &Sender<News>) {
     if let Ok(mut walk) = Walk::start(shared) {
         let mut surveyor = Surveyor::new(setup);
         let mut next = STRIDE;
+        let mut told = Instant::now();
         while !shared.is_over() {
-            if let Ok(Some(frame)) = walk.peek() {
-                surveyor.frame(frame);
+            // What follows may take long to come.
+            if walk.is_drained() && told.elapsed() >= TELL {
+                told = Instant::now();
+                surveyor.tell(shared, walk.world.frames());
+            }
+            match walk.peek() {
+                Ok(Some(frame)) => surveyor.frame(frame),
+                // A notice: time may have gone on without a frame.
+                Ok(None) => surveyor.advance(walk.world.buses()),
+                Err(_) => {}
             }
             match walk.step(&mut |told: Told<'_>| surveyor.event(&told)) {
                 Ok(true) => {}
@@ -165,6 +178,13 @@ struct Surveyor {
 }
 
 impl Surveyor {
+    /// Lets time go on to where the buses are.
+    fn advance(&mut self, buses: &[Bus]) {
+        for bus in buses {
+            self.engine.advance(bus, &mut |_: &Event, _: &Bus| ());
+        }
+    }
+
     fn new(setup: &Arc<Setup>) -> Self {
         Self {
             engine: Engine::new(Arc::clone(setup)),

@@ -88,7 +88,9 @@ impl Gather {
             lanes.push(Lane { lag: source.lag(), status: source.status(), ..Lane::default() });
             let (outbox, stop) = (outbox.clone(), Arc::clone(&stop));
             let thread = std::thread::Builder::new().name("source".into());
-            thread.spawn(move || feed(&mut *source, place, &outbox, &stop)).context("no thread can be started")?;
+            thread
+                .spawn(move || feed(&mut *source, place, &outbox, &stop))
+                .context("no thread can be started")?;
         }
         let names = BusNames::default();
         let (held, failures) = (Vec::new(), Vec::new());
@@ -369,9 +371,8 @@ mod tests {
             let frame = Frame::data_frame(CanId::standard(1), &[]);
             Arrival::Frame(Frame { bus, time: Some(Timestamp(time)), ..frame })
         };
-        let link = |time, state| {
-            Arrival::Notice(Notice::Link { bus, time: Timestamp(time), state, bit_rate: None })
-        };
+        let link =
+            |time, state| Arrival::Notice(Notice::Link { bus, time: Timestamp(time), state, bit_rate: None });
         let items = vec![frame(5), link(6, LinkState::Down), link(8, LinkState::Up), frame(9)];
         outbox.send(Delivery { source: 1, what: What::Items { names: names.clone(), items } }).unwrap();
         outbox.send(Delivery { source: 0, what: What::Items { names, items: vec![frame(7)] } }).unwrap();

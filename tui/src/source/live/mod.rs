@@ -9,15 +9,23 @@
 //! A source tells of its buses what a recorder knows: frames, links that open and close, frames that were lost.
 //! Where it is gone it comes back by itself.
 
-#[cfg(all(target_os = "linux", feature = "socketcan"))]
-mod socketcan;
 mod gather;
+#[cfg(all(target_os = "linux", feature = "socketcan"))]
+pub mod socketcan;
+#[cfg(not(all(target_os = "linux", feature = "socketcan")))]
+#[path = "no_socketcan.rs"]
+pub mod socketcan;
 mod spec;
+mod state;
 
 use std::time::Duration;
 
 use cobscope_decoder::capture::{BusNames, Notice};
 use cobscope_decoder::frame::{Frame, LinkState};
+
+pub use gather::Gather;
+pub use spec::SourceSpec;
+pub use state::{Live, LiveState};
 
 /// What came of a source.
 #[derive(Debug, Clone)]

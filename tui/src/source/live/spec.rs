@@ -106,7 +106,9 @@ fn interface(text: &str) -> Result<InterfaceSpec, String> {
     let mut parts = text.split(',');
     let name = parts.next().unwrap_or_default();
     if name.is_empty() || name.len() > LONGEST_NAME {
-        return Err(format!("found {name:?}, expected the name of an interface of 1 to {LONGEST_NAME} letters"));
+        return Err(format!(
+            "found {name:?}, expected the name of an interface of 1 to {LONGEST_NAME} letters"
+        ));
     }
     let mut spec =
         InterfaceSpec { name: name.into(), filters: Vec::new(), is_joined: false, errors: u32::MAX >> 3 };
@@ -141,7 +143,8 @@ mod tests {
     /// As candump.c reads them: eight digits are 29 bits, error bits of a mask do not count, `~` inverts.
     #[test]
     fn filters_of_candump() {
-        let Ok(SourceSpec::SocketCan(found)) = spec("can0,123:7FF,400~7F0,18FEF180:1FFFFFFF,#FFFFFFFF,j") else {
+        let Ok(SourceSpec::SocketCan(found)) = spec("can0,123:7FF,400~7F0,18FEF180:1FFFFFFF,#FFFFFFFF,j")
+        else {
             panic!("an interface")
         };
         assert_eq!((found.name.as_str(), found.is_joined, found.errors), ("can0", true, 0x1FFF_FFFF));

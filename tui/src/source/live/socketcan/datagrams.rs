@@ -143,9 +143,8 @@ mod tests {
     #[test]
     fn hardware_stamps_are_put_on_this_computers_clock() {
         let mut datagrams = Datagrams::default();
-        let mut time = |kernel, hardware: Option<i64>| {
-            datagrams.time(Timestamp(kernel), hardware.map(Timestamp)).0
-        };
+        let mut time =
+            |kernel, hardware: Option<i64>| datagrams.time(Timestamp(kernel), hardware.map(Timestamp)).0;
         assert_eq!(time(1_000, None), 1_000);
         // The hardware's clock began 900 ns earlier than it looks, and the kernel was 50 ns late.
         assert_eq!(time(1_000, Some(100)), 1_000);

@@ -46,12 +46,24 @@ impl Interface {
     /// # Errors
     /// When there is none of this name, or the kernel knows no CAN or permits none.
     pub(super) fn open(spec: InterfaceSpec) -> anyhow::Result<Self> {
-        let mut interface = Self { spec, socket: None, told: None, details: None, lost: 0 };
+        let mut interface = Self::of(spec);
         if !interface.look() {
             return Err(missing(&interface.spec.name));
         }
         interface.bind().map_err(|error| explained(&interface.spec.name, error))?;
         Ok(interface)
+    }
+
+    /// The interface of this name, only looked at.
+    pub(super) fn named(name: &str) -> Self {
+        let (filters, is_joined, errors) = (Vec::new(), false, 0);
+        let mut interface = Self::of(InterfaceSpec { name: name.into(), filters, is_joined, errors });
+        interface.look();
+        interface
+    }
+
+    fn of(spec: InterfaceSpec) -> Self {
+        Self { spec, socket: None, told: None, details: None, lost: 0 }
     }
 
     pub(super) fn name(&self) -> &str {
@@ -89,7 +101,8 @@ impl Interface {
 
     /// Asks the kernel how it is; `false` where it is gone.
     fn look(&mut self) -> bool {
-        self.details = CanInterface::open(&self.spec.name).and_then(|interface| Ok(interface.details()?)).ok();
+        self.details =
+            CanInterface::open(&self.spec.name).and_then(|interface| Ok(interface.details()?)).ok();
         self.details.is_some()
     }
 
@@ -158,7 +171,11 @@ impl Interface {
         let has_hardware = self.socket.as_ref().is_some_and(|socket| socket.datagrams.has_hardware_stamps());
         BusStatus {
             name: self.spec.name.clone(),
-            state: self.told.map_or(LinkState::Down, |(state, _)| state),
+            state: match &self.details {
+                Some(details) if details.is_up => LinkState::Up,
+                Some(_) => LinkState::Down,
+                None => LinkState::Gone,
+            },
             bit_rate: self.bit_rate(),
             controller: self.details.as_ref().and_then(controller),
             stamps: if has_hardware { Stamps::Hardware } else { Stamps::Kernel },
@@ -199,13 +216,15 @@ fn controller(details: &InterfaceDetails) -> Option<String> {
 }
 
 /// Names of all CAN interfaces there are.
-pub fn interfaces() -> Vec<String> {
+pub(super) fn interfaces() -> Vec<String> {
     /// Type of a network interface that is CAN (ARPHRD_CAN, linux/if_arp.h).
     const CAN: &str = "280";
     let Ok(folder) = std::fs::read_dir("/sys/class/net") else { return Vec::new() };
-    let is_can = |path: &Path| std::fs::read_to_string(path.join("type")).is_ok_and(|kind| kind.trim() == CAN);
+    let is_can =
+        |path: &Path| std::fs::read_to_string(path.join("type")).is_ok_and(|kind| kind.trim() == CAN);
     let found = folder.flatten().filter(|entry| is_can(&entry.path()));
-    let mut names: Vec<String> = found.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
+    let mut names: Vec<String> =
+        found.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
     names.sort();
     names
 }

@@ -11,7 +11,8 @@ use super::spec::InterfaceSpec;
 use super::{Arrivals, BusStatus, Ended, Source};
 use interface::Interface;
 
-pub use interface::{how_to_bring_up, interfaces};
+pub use interface::how_to_bring_up;
+use interface::interfaces;
 
 /// The name that stands for all interfaces.
 const ANY: &str = "any";
@@ -34,17 +35,22 @@ struct Interfaces {
 ///
 /// # Errors
 /// When an interface does not exist or cannot be opened; with what to do.
-pub fn open(specs: Vec<InterfaceSpec>) -> anyhow::Result<Box<dyn Source>> {
+pub fn open(specs: &[InterfaceSpec]) -> anyhow::Result<Box<dyn Source>> {
     let (mut all, mut any) = (Vec::new(), None);
     for spec in specs {
         if spec.name == ANY {
-            all.extend(interface::any(&spec)?);
-            any = Some(spec);
+            all.extend(interface::any(spec)?);
+            any = Some(spec.clone());
         } else {
-            all.push(Interface::open(spec)?);
+            all.push(Interface::open(spec.clone())?);
         }
     }
     Ok(Box::new(Interfaces { all, any, watched: None }))
+}
+
+/// How all interfaces of this computer are.
+pub fn all() -> Vec<BusStatus> {
+    interfaces().iter().map(|name| Interface::named(name).status()).collect()
 }
 
 impl Interfaces {
@@ -82,7 +88,11 @@ impl Interfaces {
             return Vec::new();
         }
         let is_ready = |socket: &PollFd<'_>| socket.any().unwrap_or(true);
-        open.iter().zip(&sockets).filter(|(_, socket)| is_ready(socket)).map(|((place, _), _)| *place).collect()
+        open.iter()
+            .zip(&sockets)
+            .filter(|(_, socket)| is_ready(socket))
+            .map(|((place, _), _)| *place)
+            .collect()
     }
 }
 
