@@ -42,7 +42,7 @@ pub use row::Row;
 pub use seek::{Order, Search, Target, Window};
 pub use shared::{Lane, Progress, Shared};
 pub use signal::SignalKey;
-pub use survey::{Exchange, MOST_EXCHANGES, Occurred, Opened, Survey};
+pub use survey::{Exchange, MOST_EXCHANGES, Occurred, Opened, Survey, bit_rate_change};
 pub use traces::{MOST_SIGNALS, Points, Traces};
 
 use crate::source::Store;

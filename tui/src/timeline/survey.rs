@@ -33,6 +33,9 @@ pub const MOST_ERRORS: usize = 200_000;
 /// Findings kept until their groups are known, the first ones.
 const MOST_NEWS: usize = 10_000;
 
+/// The procedure that takes a bus to another bit rate.
+const BIT_RATE_CHANGE: &str = "bit-rate change";
+
 /// Frames between two times what was found is told.
 const STRIDE: u64 = 65_536;
 
@@ -64,6 +67,8 @@ pub struct Survey {
     pub statistics: Statistics,
     /// Names of the buses.
     pub buses: Vec<String>,
+    /// The last change of the bit rate that was announced on a bus: its name, and what is to come.
+    pub bit_rate_change: Option<(String, String)>,
 }
 
 /// A finding when it opened.
@@ -175,6 +180,7 @@ struct Surveyor {
     statistics: Statistics,
     kept: (usize, usize, usize),
     more_exchanges: u64,
+    bit_rate_change: Option<(String, String)>,
 }
 
 impl Surveyor {
@@ -195,6 +201,7 @@ impl Surveyor {
             statistics: Statistics::default(),
             kept: (0, 0, 0),
             more_exchanges: 0,
+            bit_rate_change: None,
         }
     }
 
@@ -223,6 +230,9 @@ impl Surveyor {
             }
         };
         self.engine.event(told.event, told.bus, &mut opened);
+        if let Some(change) = bit_rate_change(told.event) {
+            self.bit_rate_change = Some((escape(told.bus.name()).into_owned(), escape(change).into_owned()));
+        }
         if is_error(told.event) && self.kept.1 < MOST_ERRORS {
             self.kept.1 += 1;
             self.errors.push(told.spot);
@@ -250,6 +260,7 @@ impl Surveyor {
         survey.exchanges.append(&mut self.exchanges);
         survey.errors.append(&mut self.errors);
         survey.more_exchanges = self.more_exchanges;
+        survey.bit_rate_change.clone_from(&self.bit_rate_change);
         survey.load.clone_from(&self.load);
         survey.statistics.clone_from(&self.statistics);
     }
@@ -271,6 +282,14 @@ impl Surveyor {
         survey.places = places;
         survey.findings = Some(findings);
         survey.buses = names;
+    }
+}
+
+/// What is to become of the bit rate, where an event announces it.
+pub fn bit_rate_change(event: &Event) -> Option<&str> {
+    match &event.kind {
+        EventKind::Procedure(procedure) if procedure.procedure == BIT_RATE_CHANGE => Some(&procedure.text),
+        _ => None,
     }
 }
 

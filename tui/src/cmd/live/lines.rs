@@ -22,10 +22,11 @@ use super::pump::{Came, Pump};
 use super::{Refusal, is_down, open, recorder, shown};
 use crate::cli::{FailOn, Format, LiveArgs};
 use crate::cmd::input::{session_options, setup};
-use crate::cmd::print::Printer;
 use crate::cmd::is_colored;
+use crate::cmd::print::Printer;
 use crate::exit_code::Exit;
 use crate::source::live::{Arrival, Live, SourceSpec, socketcan};
+use crate::timeline::bit_rate_change;
 
 /// How long nothing is waited for at most.
 const WAIT: Duration = Duration::from_millis(50);
@@ -271,6 +272,12 @@ impl Observer for Out<'_> {
     fn event(&mut self, event: &Event, bus: &Bus) {
         if let EventKind::FindingOpened(finding) = &event.kind {
             *self.has_found |= self.ends_at.is_some_and(|least| finding.severity >= least);
+        }
+        if let Some(change) = bit_rate_change(event) {
+            let name = bus.name();
+            say(&format!(
+                "{name}: {change}: set this interface too: ip link set {name} down, then up type can bitrate …"
+            ));
         }
         let is_finding = matches!(event.kind, EventKind::FindingOpened(_) | EventKind::FindingClosed(_));
         if is_finding || !self.only_findings {

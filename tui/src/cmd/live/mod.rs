@@ -16,7 +16,7 @@ use super::input::read_options;
 use crate::cli::LiveArgs;
 use crate::exit_code::Exit;
 use crate::record::{RecordOptions, Recorder};
-use crate::source::live::{BusStatus, Source, SourceSpec, Stamps, socketcan};
+use crate::source::live::{BusStatus, Source, SourceSpec, socketcan};
 
 /// Runs the command.
 pub fn run(arguments: &LiveArgs) -> Exit {
@@ -72,13 +72,7 @@ fn list() -> Exit {
 fn shown(status: &BusStatus) -> String {
     let rate = status.bit_rate.map_or(String::new(), |rate| format!(", {rate} bit/s"));
     let controller = status.controller.as_ref().map_or(String::new(), |controller| format!(", {controller}"));
-    let stamps = match status.stamps {
-        Stamps::Hardware => ", stamped by the controller",
-        Stamps::Kernel => ", stamped by the kernel",
-        Stamps::Adapter => ", stamped by the adapter",
-        Stamps::Arrival => ", stamped on arrival",
-        Stamps::Recorded => ", with the stamps it has",
-    };
+    let stamps = status.stamps.whose().map_or(String::new(), |whose| format!(", stamps of {whose}"));
     escape(&format!("{}: {}{rate}{controller}{stamps}", status.name, status.state.name())).into_owned()
 }
 

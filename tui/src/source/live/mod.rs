@@ -69,6 +69,19 @@ pub enum Stamps {
     Recorded,
 }
 
+impl Stamps {
+    /// Whose clock; nothing where the stamps are those of what is read.
+    pub const fn whose(self) -> Option<&'static str> {
+        match self {
+            Self::Hardware => Some("the controller"),
+            Self::Kernel => Some("the kernel"),
+            Self::Adapter => Some("the adapter"),
+            Self::Arrival => Some("arrival"),
+            Self::Recorded => None,
+        }
+    }
+}
+
 /// What is known of a bus besides its frames.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BusStatus {
