@@ -233,6 +233,8 @@ impl Seeker {
 
     /// The world at or before a frame, as near as a mark allows, walked up to it.
     fn walk_to(&mut self, frame: u64, is_stale: &mut impl FnMut() -> bool) -> Answer<Walk> {
+        let kept = self.shared.kept_from();
+        self.near.retain(|mark| mark.position.offsets().next().is_some_and(|offset| offset >= kept));
         let near = self.near.iter().filter(|mark| mark.frames <= frame).max_by_key(|mark| mark.frames);
         let index = self.shared.index.read().unwrap_or_else(PoisonError::into_inner);
         let far = index.before_frame(frame);
@@ -247,12 +249,8 @@ impl Seeker {
             if !walk.leap(frame, &mut |_| ())? {
                 break;
             }
-            if walk.world.frames() >= next {
-                next = walk.world.frames() + NEAR;
-                self.remember(&walk);
-                if is_stale() {
-                    return Ok(None);
-                }
+            if self.is_stale_at(&walk, &mut next, is_stale) {
+                return Ok(None);
             }
         }
         Ok(Some(walk))
@@ -272,6 +270,16 @@ impl Seeker {
         }
     }
 
+    /// Every now and then leaves a mark and looks whether another order makes going on useless.
+    fn is_stale_at(&mut self, walk: &Walk, next: &mut u64, is_stale: &mut impl FnMut() -> bool) -> bool {
+        if walk.world.frames() < *next {
+            return false;
+        }
+        *next = walk.world.frames() + NEAR;
+        self.remember(walk);
+        is_stale()
+    }
+
     /// Walks over the place and takes the rows on both sides.
     fn look(
         &mut self,
@@ -288,12 +296,8 @@ impl Seeker {
             if is_last || !walk.step(&mut |told: Told<'_>| found.take(order, spot, &told))? {
                 break;
             }
-            if walk.world.frames() >= next {
-                next = walk.world.frames() + NEAR;
-                self.remember(&walk);
-                if is_stale() {
-                    return Ok(None);
-                }
+            if self.is_stale_at(&walk, &mut next, is_stale) {
+                return Ok(None);
             }
         }
         let world = Arc::new(walk.world.clone());

@@ -132,15 +132,19 @@ impl Shared {
 
     /// The first place that is kept, where the beginning is not.
     pub(super) fn first_kept(&self) -> Option<Mark> {
-        let is_cut = self.lanes.iter().any(|lane| lane.store.start() > 0);
+        let is_cut = self.kept_from() > 0;
         let index = self.index.read().unwrap_or_else(PoisonError::into_inner);
         index.marks().first().filter(|_| is_cut).cloned()
     }
 
+    /// Byte of a single capture from which on it is kept.
+    pub(super) fn kept_from(&self) -> u64 {
+        if let [lane] = self.lanes.as_slice() { lane.store.start() } else { 0 }
+    }
+
     /// Forgets places that are not kept any more.
     pub(super) fn forget(&self) {
-        let [lane] = self.lanes.as_slice() else { return };
-        let start = lane.store.start();
+        let start = self.kept_from();
         if start > 0 {
             self.index.write().unwrap_or_else(PoisonError::into_inner).forget_before(start);
         }
