@@ -16,7 +16,7 @@ use super::input::read_options;
 use crate::cli::LiveArgs;
 use crate::exit_code::Exit;
 use crate::record::{RecordOptions, Recorder};
-use crate::source::live::{BusStatus, Source, SourceSpec, socketcan};
+use crate::source::live::{BusStatus, Source, SourceSpec, lines as text, slcan, socketcan, socketcand};
 
 /// Runs the command.
 pub fn run(arguments: &LiveArgs) -> Exit {
@@ -95,7 +95,10 @@ fn open(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> anyhow::Result<Vec<Box<
     for spec in specs {
         match spec {
             SourceSpec::SocketCan(spec) => interfaces.push(spec),
-            _ => bail!("not yet {read:?}"),
+            SourceSpec::Slcan { device, bit_rate } => sources.push(slcan::open(&device, bit_rate)?),
+            SourceSpec::Socketcand { address, bus } => sources.push(socketcand::open(&address, &bus)?),
+            SourceSpec::Stdin => sources.push(text::stdin(read)?),
+            SourceSpec::File(path) => sources.push(text::follow(&path, read)?),
         }
     }
     if !interfaces.is_empty() {
