@@ -9,6 +9,14 @@
 //! A source tells of its buses what a recorder knows: frames, links that open and close, frames that were lost.
 //! Where it is gone it comes back by itself.
 
+mod backoff;
+mod clock;
+pub mod lines;
+mod returning;
+#[cfg(feature = "serial")]
+pub mod slcan;
+pub mod socketcand;
+
 use std::time::Duration;
 
 use cobscope_decoder::capture::{BusNames, Notice};
