@@ -56,15 +56,15 @@ pub(super) fn run(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> Result<Exit, 
     watch.run(arguments, &inbox, &interrupted);
     drop(inbox);
     let state = pump.state.clone();
-    let recorded = pump.finish();
+    let outcome = pump.finish();
     let live = state.get().clone();
     let exit = watch.finish(arguments, &live);
     for bus in &live.buses {
         say(&format!("{}; {} lost", shown(bus), plural(bus.lost)));
     }
-    if let Some(recorded) = &recorded {
-        say(&format!("recorded {recorded}"));
-        recorded.remarks().iter().for_each(|remark| say(remark));
+    if let Some(outcome) = &outcome {
+        say(&format!("recorded {outcome}"));
+        outcome.remarks().iter().for_each(|remark| say(remark));
     }
     if let Some(failure) = &live.failure {
         say(failure);

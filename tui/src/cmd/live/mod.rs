@@ -51,7 +51,8 @@ fn list() -> Exit {
     let mut out = std::io::stdout();
     let mut text = String::new();
     for status in &interfaces {
-        text.push_str(&format!("{}\n", shown(status)));
+        text.push_str(&shown(status));
+        text.push('\n');
     }
     let hint = if interfaces.is_empty() {
         "no CAN interface on this computer; "

@@ -19,12 +19,12 @@ pub mod slcan;
 #[cfg(not(feature = "serial"))]
 #[path = "no_slcan.rs"]
 pub mod slcan;
-pub mod socketcand;
 #[cfg(all(target_os = "linux", feature = "socketcan"))]
 pub mod socketcan;
 #[cfg(not(all(target_os = "linux", feature = "socketcan")))]
 #[path = "no_socketcan.rs"]
 pub mod socketcan;
+pub mod socketcand;
 mod spec;
 mod state;
 

@@ -102,7 +102,7 @@ impl Interface {
     /// Asks the kernel how it is; `false` where it is gone.
     fn look(&mut self) -> bool {
         self.details =
-            CanInterface::open(&self.spec.name).and_then(|interface| Ok(interface.details()?)).ok();
+            CanInterface::open(&self.spec.name).and_then(|interface| interface.details()).ok();
         self.details.is_some()
     }
 
@@ -114,7 +114,7 @@ impl Interface {
         if !is_same {
             self.socket = None;
             if is_there && let Err(error) = self.bind() {
-                self.say(format!("{}: cannot be opened again: {error}", self.spec.name), arrivals);
+                say(format!("{}: cannot be opened again: {error}", self.spec.name), arrivals);
             }
         }
         let state = match (&self.details, &self.socket) {
@@ -148,13 +148,9 @@ impl Interface {
             Err(Errno::ENETDOWN | Errno::ENODEV | Errno::ENXIO) => self.watch(arrivals),
             Err(error) => {
                 self.socket = None;
-                self.say(format!("{}: reading failed: {}", self.spec.name, error.desc()), arrivals);
+                say(format!("{}: reading failed: {}", self.spec.name, error.desc()), arrivals);
             }
         }
-    }
-
-    fn say(&self, text: String, arrivals: &mut Arrivals) {
-        arrivals.items.push(Arrival::Notice(Notice::Assumption(text)));
     }
 
     fn bus(&self, names: &mut BusNames) -> Option<BusIndex> {
@@ -182,6 +178,10 @@ impl Interface {
             lost: self.lost,
         }
     }
+}
+
+fn say(text: String, arrivals: &mut Arrivals) {
+    arrivals.items.push(Arrival::Notice(Notice::Assumption(text)));
 }
 
 /// Takes a frame, and tells first what was lost before it.
