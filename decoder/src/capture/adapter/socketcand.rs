@@ -106,11 +106,6 @@ impl Reader {
         self.begun.add(rest, LONGEST_ELEMENT);
     }
 
-    /// Forgets the beginning of an element: what follows comes of another connection.
-    pub fn reset(&mut self) {
-        *self = Self::default();
-    }
-
     /// What stands before a bracket: an element, or what should not be there.
     fn complete(&self, is_opening: bool, give: &mut impl FnMut(Reply)) {
         let text = self.begun.bytes.trim_ascii();
@@ -329,15 +324,6 @@ mod tests {
         for size in 1..text.len() {
             assert_eq!(replies(text, size), whole, "pieces of {size}");
         }
-    }
-
-    #[test]
-    fn half_an_element_of_a_lost_connection_is_forgotten() {
-        let (mut reader, mut found) = (Reader::default(), Vec::new());
-        reader.read(b"< frame 1", |reply| found.push(reply));
-        reader.reset();
-        reader.read(b"< hi >", |reply| found.push(reply));
-        assert_eq!(found, [Reply::Hi]);
     }
 
     /// A server sends frames for `send`, `add`, `update`, `sendrtr`, `fdsend` and `sendpdu` only.

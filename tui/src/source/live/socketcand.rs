@@ -25,11 +25,16 @@ const LAG: Duration = Duration::from_secs(1);
 /// Time for an address to accept the connection, and for the server to hand over the bus.
 const CONNECTING: Duration = Duration::from_secs(3);
 
-/// Silence after which the server is asked whether it is there…
-const QUIET: Duration = Duration::from_secs(5);
+/// How long a server may be silent: a cable that is pulled ends no connection.
+#[derive(Debug, Clone, Copy)]
+struct Patience {
+    /// Silence after which it is asked whether it is there…
+    quiet: Duration,
+    /// …and after which it is not.
+    dead: Duration,
+}
 
-/// …and after which it is not: a cable that is pulled ends no connection.
-const DEAD: Duration = Duration::from_secs(10);
+const PATIENCE: Patience = Patience { quiet: Duration::from_secs(5), dead: Duration::from_secs(10) };
 
 /// Bytes taken at a time.
 const CHUNK: usize = 64 * 1024;
@@ -39,6 +44,10 @@ const CHUNK: usize = 64 * 1024;
 /// # Errors
 /// A name that cannot be one of a bus, a server that cannot be reached, or that refuses the bus.
 pub fn open(address: &str, bus: &str) -> anyhow::Result<Box<dyn Source>> {
+    open_with(address, bus, PATIENCE)
+}
+
+fn open_with(address: &str, bus: &str, patience: Patience) -> anyhow::Result<Box<dyn Source>> {
     let Some(name) = BusName::new(bus) else {
         bail!(
             "{:?} is no name of a bus; expected 1 to {LONGEST_NAME} characters without blanks and brackets, \
@@ -47,7 +56,7 @@ pub fn open(address: &str, bus: &str) -> anyhow::Result<Box<dyn Source>> {
         );
     };
     let address = with_port(address);
-    let connect = move || Server::open(&address, &name).map_err(Setback::Again);
+    let connect = move || Server::open(&address, &name, patience).map_err(Setback::Again);
     Ok(Box::new(Returning::open(bus, LAG, Vec::new(), connect)?))
 }
 
@@ -69,13 +78,14 @@ struct Server {
     /// Read already, not yet given on.
     replies: VecDeque<Reply>,
     heard: Instant,
+    patience: Patience,
     has_asked: bool,
     /// How far the server's clock is ahead of ours, in nanoseconds, as far as frames showed.
     ahead: i64,
 }
 
 impl Server {
-    fn open(address: &str, bus: &BusName) -> anyhow::Result<Self> {
+    fn open(address: &str, bus: &BusName, patience: Patience) -> anyhow::Result<Self> {
         let stream = connect(address)?;
         let mut server = Self {
             stream,
@@ -83,6 +93,7 @@ impl Server {
             buffer: vec![0; CHUNK],
             replies: VecDeque::new(),
             heard: Instant::now(),
+            patience,
             has_asked: false,
             ahead: 0,
         };
@@ -144,15 +155,16 @@ impl Server {
 
     /// Asks a silent server whether it is there; how long to wait for it at most.
     fn watch(&mut self, wait: Duration) -> Result<Duration, String> {
+        let Patience { quiet, dead } = self.patience;
         let silence = self.heard.elapsed();
-        if silence >= DEAD {
-            return Err(format!("nothing from the server for {} s", DEAD.as_secs()));
+        if silence >= dead {
+            return Err("the server does not answer any more".into());
         }
-        if silence >= QUIET && !self.has_asked {
+        if silence >= quiet && !self.has_asked {
             self.has_asked = true;
             self.say(&Request::Echo)?;
         }
-        let next = if self.has_asked { DEAD } else { QUIET };
+        let next = if self.has_asked { dead } else { quiet };
         Ok(wait.min(next.saturating_sub(silence)))
     }
 }
