@@ -101,8 +101,7 @@ impl Interface {
 
     /// Asks the kernel how it is; `false` where it is gone.
     fn look(&mut self) -> bool {
-        self.details =
-            CanInterface::open(&self.spec.name).and_then(|interface| interface.details()).ok();
+        self.details = CanInterface::open(&self.spec.name).and_then(|interface| interface.details()).ok();
         self.details.is_some()
     }
 
