@@ -61,7 +61,9 @@ impl Running {
     fn line_with(&self, text: &str) -> String {
         let mut before = Vec::new();
         loop {
-            let Ok(line) = self.lines.recv_timeout(LIMIT) else { panic!("no {text} behind {before:#?}") };
+            let line = self.lines.recv_timeout(LIMIT);
+            assert!(line.is_ok(), "no {text} behind {before:#?}");
+            let line = line.unwrap();
             if line.contains(text) {
                 return line;
             }

@@ -227,6 +227,7 @@ fn parts_are_looked_at_as_one_recording() {
             read: ReadOptions::default(),
             session: SessionOptions::default(),
             rules: Arc::default(),
+            live: None,
         };
         let (news, inbox) = channel();
         let timeline = Timeline::open(captures, news).unwrap();

@@ -46,7 +46,7 @@ impl Plugged {
             // Without a holder of its own the terminal would hang up before it is opened.
             let _port = port;
             adapter.set_read_timeout(Duration::from_millis(2)).unwrap();
-            let (mut buffer, mut line) = ([0; 256], String::new());
+            let (mut buffer, mut order) = ([0; 256], String::new());
             loop {
                 match said.try_recv() {
                     Ok(bytes) => adapter.write_all(bytes).unwrap(),
@@ -57,8 +57,8 @@ impl Plugged {
                 ear.lock().unwrap().extend_from_slice(&buffer[..count]);
                 for byte in &buffer[..count] {
                     match byte {
-                        b'\r' => adapter.write_all(answers(&std::mem::take(&mut line))).unwrap(),
-                        byte => line.push(char::from(*byte)),
+                        b'\r' => adapter.write_all(answers(&std::mem::take(&mut order))).unwrap(),
+                        byte => order.push(char::from(*byte)),
                     }
                 }
             }
