@@ -161,3 +161,44 @@ fn input(app: &mut App, event: Event) {
         _ => {}
     }
 }
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::io::Read as _;
+
+    use pty_process::blocking::{Command, open};
+
+    use super::*;
+
+    /// Set for the process that panics.
+    const CHILD: &str = "COBSCOPE_TEST_PANIC";
+
+    /// Taken over and given back: alternate screen, mouse, bracketed paste, cursor.
+    const GIVEN_BACK: [&str; 3] = ["\x1b[?1049l", "\x1b[?2004l", "\x1b[?25h"];
+
+    #[test]
+    fn a_panic_gives_the_terminal_back() {
+        if std::env::var_os(CHILD).is_some() {
+            let _screen = Screen::take().unwrap();
+            #[expect(clippy::panic, reason = "what is tested")]
+            {
+                panic!("on purpose");
+            }
+        }
+        let (mut pty, pts) = open().unwrap();
+        let arguments = ["--exact", "terminal::tests::a_panic_gives_the_terminal_back", "--nocapture"];
+        let command = Command::new(std::env::current_exe().unwrap()).args(arguments).env(CHILD, "1");
+        let mut child = command.spawn(pts).unwrap();
+        let mut written = Vec::new();
+        // The end of the child is an error of its terminal.
+        let _ = pty.read_to_end(&mut written);
+        assert!(!child.wait().unwrap().success());
+        let written = String::from_utf8_lossy(&written);
+        let taken = written.find("\x1b[?1049h").expect("the alternate screen");
+        let said = written.find("on purpose").expect("the panic's message");
+        for sequence in GIVEN_BACK {
+            let back = written.find(sequence).unwrap_or_else(|| panic!("no {sequence:?} in {written:?}"));
+            assert!(taken < back && back < said, "the message is read on the screen there was before");
+        }
+    }
+}
