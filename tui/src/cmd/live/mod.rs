@@ -42,6 +42,16 @@ pub fn run(arguments: &LiveArgs) -> Exit {
     })
 }
 
+/// Watches datagrams that stand for frames.
+///
+/// # Errors
+/// As the command itself.
+#[cfg(all(target_os = "linux", feature = "socketcan"))]
+pub fn over_datagrams(arguments: &LiveArgs, socket: std::net::UdpSocket) -> anyhow::Result<()> {
+    let sources = || Ok(vec![socketcan::stand_in(socket)?]);
+    lines::watch(arguments, sources).map(|_| ()).map_err(|(_, error)| error)
+}
+
 /// What went wrong before anything was watched.
 type Refusal = (Exit, anyhow::Error);
 

@@ -18,7 +18,7 @@ use super::datagrams::{Datagram, Datagrams, now};
 
 /// Bytes asked of the kernel for frames that wait: 30,000 of them, 0.7 s of two full buses. Without rights the kernel
 /// gives less.
-const BUFFER: usize = 8 * 1024 * 1024;
+pub(super) const BUFFER: usize = 8 * 1024 * 1024;
 
 /// Frames taken at once, so that a flood on one interface does not starve the others.
 const MOST: usize = 4_096;
@@ -88,12 +88,7 @@ impl Interface {
         if setsockopt(&socket, sockopt::RcvBufForce, &BUFFER).is_err() {
             setsockopt(&socket, sockopt::RcvBuf, &BUFFER)?;
         }
-        setsockopt(&socket, sockopt::RxqOvfl, &1)?;
-        let stamps = TimestampingFlag::SOF_TIMESTAMPING_RX_SOFTWARE
-            | TimestampingFlag::SOF_TIMESTAMPING_SOFTWARE
-            | TimestampingFlag::SOF_TIMESTAMPING_RX_HARDWARE
-            | TimestampingFlag::SOF_TIMESTAMPING_RAW_HARDWARE;
-        setsockopt(&socket, sockopt::Timestamping, &stamps)?;
+        set_stamps(&socket)?;
         let index = self.details.as_ref().map_or(0, |details| details.index);
         self.socket = Some(Bound { socket, index, datagrams: Datagrams::default() });
         Ok(())
@@ -179,12 +174,22 @@ impl Interface {
     }
 }
 
+/// Has frames stamped, by the hardware too where it can, and losses counted.
+pub(super) fn set_stamps(socket: &impl AsFd) -> nix::Result<()> {
+    setsockopt(socket, sockopt::RxqOvfl, &1)?;
+    let stamps = TimestampingFlag::SOF_TIMESTAMPING_RX_SOFTWARE
+        | TimestampingFlag::SOF_TIMESTAMPING_SOFTWARE
+        | TimestampingFlag::SOF_TIMESTAMPING_RX_HARDWARE
+        | TimestampingFlag::SOF_TIMESTAMPING_RAW_HARDWARE;
+    setsockopt(socket, sockopt::Timestamping, &stamps)
+}
+
 fn say(text: String, arrivals: &mut Arrivals) {
     arrivals.items.push(Arrival::Notice(Notice::Assumption(text)));
 }
 
 /// Takes a frame, and tells first what was lost before it.
-fn take(datagram: &Datagram<'_>, bus: BusIndex, items: &mut Vec<Arrival>) {
+pub(super) fn take(datagram: &Datagram<'_>, bus: BusIndex, items: &mut Vec<Arrival>) {
     let place = Place::Now;
     if datagram.lost > 0 {
         let count = Some(datagram.lost.into());
