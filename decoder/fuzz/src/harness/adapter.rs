@@ -44,7 +44,9 @@ fn is_printable(text: &str) {
 pub fn slcan(data: &[u8]) {
     let replies = in_pieces(data, |pieces| {
         let (mut reader, mut replies) = (serial::Reader::default(), Vec::new());
-        pieces.iter().for_each(|piece| reader.read(piece, |reply| replies.push(reply)));
+        for piece in pieces {
+            reader.read(piece, |reply| replies.push(reply));
+        }
         replies
     });
     let ends = data.iter().filter(|byte| matches!(byte, b'\r' | 0x07)).count();
@@ -67,7 +69,9 @@ pub fn slcan(data: &[u8]) {
 pub fn socketcand(data: &[u8]) {
     let replies = in_pieces(data, |pieces| {
         let (mut reader, mut replies) = (server::Reader::default(), Vec::new());
-        pieces.iter().for_each(|piece| reader.read(piece, |reply| replies.push(reply)));
+        for piece in pieces {
+            reader.read(piece, |reply| replies.push(reply));
+        }
         replies
     });
     let brackets = data.iter().filter(|byte| matches!(byte, b'<' | b'>')).count();

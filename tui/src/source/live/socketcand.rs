@@ -50,9 +50,8 @@ pub fn open(address: &str, bus: &str) -> anyhow::Result<Box<dyn Source>> {
 fn open_with(address: &str, bus: &str, patience: Patience) -> anyhow::Result<Box<dyn Source>> {
     let Some(name) = BusName::new(bus) else {
         bail!(
-            "{:?} is no name of a bus; expected 1 to {LONGEST_NAME} characters without blanks and brackets, \
-             as in socketcand://{address}/can0",
-            bus
+            "{bus:?} is no name of a bus; expected 1 to {LONGEST_NAME} characters without blanks and brackets, \
+             as in socketcand://{address}/can0"
         );
     };
     let address = with_port(address);
