@@ -108,8 +108,12 @@ fn frames(
     let mut walk = walk_to(shared, export.first)?;
     let mut count: u64 = 0;
     while !shared.is_over() {
+        // A capture that grows is written as far as it is known.
+        if walk.is_at_head(shared) {
+            break;
+        }
         let next = walk.peek()?.copied();
-        if next.is_some_and(|frame| frame.number > export.last) || is_unread(shared, &walk) {
+        if next.is_some_and(|frame| frame.number > export.last) {
             break;
         }
         if !walk.step(&mut |_| ())? {
@@ -131,7 +135,7 @@ fn events(shared: &Shared, export: &Export, mut see: impl FnMut(&Told<'_>)) -> a
     let (first, last) = (Spot::before(export.first), Spot::behind(export.last));
     let mut count: u64 = 0;
     while !shared.is_over() {
-        if walk.peek()?.is_some_and(|frame| frame.number > export.last) || is_unread(shared, &walk) {
+        if walk.is_at_head(shared) || walk.peek()?.is_some_and(|frame| frame.number > export.last) {
             break;
         }
         let more = walk.step(&mut |told: Told<'_>| {
@@ -145,11 +149,6 @@ fn events(shared: &Shared, export: &Export, mut see: impl FnMut(&Told<'_>)) -> a
         }
     }
     Ok(format!("{count} events"))
-}
-
-/// Whether what follows has not been read by the index: a capture that grows is written as far as it is known.
-fn is_unread(shared: &Shared, walk: &Walk) -> bool {
-    !shared.progress.is_complete() && walk.world.frames() >= shared.progress.frames()
 }
 
 /// Before a frame, from the nearest mark.

@@ -328,7 +328,99 @@ fn recording(name: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use cobscope_decoder::replay::Spot;
+    use std::io::BufWriter;
+    use std::sync::mpsc::Receiver;
+    use std::time::Duration;
+
+    use cobscope_decoder::capture::{FrameWriter, Notice, WRITABLE};
+    use cobscope_decoder::frame::{BusIndex, CanId, Frame};
+
     use super::*;
+
+    /// How long something may take on a busy machine before it counts as not happening.
+    const LIMIT: Duration = Duration::from_mins(1);
+
+    fn until(news: &Receiver<News>, is_so: impl Fn(&News) -> bool) -> News {
+        loop {
+            let next = news.recv_timeout(LIMIT).unwrap();
+            if is_so(&next) {
+                return next;
+            }
+        }
+    }
+
+    /// Heartbeats, one a millisecond.
+    fn write(writer: &mut dyn FrameWriter, numbers: std::ops::Range<u64>) {
+        for number in numbers {
+            let node = 1 + u16::try_from(number % 4).unwrap();
+            let time = Some(Timestamp(i64::try_from(number).unwrap() * 1_000_000));
+            let frame = Frame { time, ..Frame::data_frame(CanId::standard(0x700 + node), &[5]) };
+            writer.write(&frame, "can0").unwrap();
+        }
+        writer.flush().unwrap();
+    }
+
+    /// What is dropped at the beginning of a live bus cannot be gone to, and what is kept can.
+    #[test]
+    fn a_live_bus_is_kept_in_part_and_says_so() {
+        const FRAMES: u64 = 600_000;
+        let (store, written) = Store::live("live".into(), 0).unwrap();
+        let format = WRITABLE.iter().find(|format| format.name == "pcapng").unwrap();
+        let mut writer = (format.writer)(Box::new(BufWriter::new(written)));
+        writer.flush().unwrap();
+        let (news, found) = channel();
+        let live = Some(LiveBuses { store: Arc::clone(&store), state: LiveState::default() });
+        let (read, session, rules) = (ReadOptions::default(), SessionOptions::default(), Arc::default());
+        let timeline =
+            Timeline::open(Captures { paths: Vec::new(), align: false, read, session, rules, live }, news);
+        let timeline = timeline.unwrap();
+        // No faster than it is indexed: what is dropped before that is never seen.
+        for begin in (0..FRAMES).step_by(10_000) {
+            write(&mut *writer, begin..begin + 10_000);
+            while timeline.progress().frames() < begin + 10_000 {
+                std::thread::yield_now();
+            }
+        }
+        let dropped = timeline.dropped();
+        assert!(dropped > 0 && dropped < FRAMES / 2, "{dropped}");
+        let matcher = Matcher::default();
+        let order = |target| Order {
+            serial: 1,
+            target,
+            before: 10,
+            after: 10,
+            matcher: matcher.clone(),
+            search: None,
+        };
+        let go = |target| {
+            timeline.order(order(target));
+            match until(&found, |news| matches!(news, News::Window(_) | News::Failed(_))) {
+                News::Window(window) => window,
+                News::Failed(text) => panic!("{text}"),
+                _ => unreachable!(),
+            }
+        };
+        assert!(go(Target::Spot(Spot::before(1))).world.frames() >= dropped, "the first that is kept");
+        let window = go(Target::Spot(Spot::behind(FRAMES - 100)));
+        assert_eq!(window.world.frames(), FRAMES - 100);
+        assert_eq!(go(Target::End).world.frames(), FRAMES, "without waiting for more");
+        // Time that passes without a frame is told, and closes what it closes.
+        let quiet = Timestamp(i64::try_from(FRAMES).unwrap() * 1_000_000 + 5_000_000_000);
+        writer.notice(&Notice::Quiet(quiet), "can0").unwrap();
+        let time = Timestamp(quiet.0 + 1_000_000);
+        let link = Notice::Link {
+            bus: BusIndex(0),
+            time,
+            state: cobscope_decoder::frame::LinkState::Down,
+            bit_rate: None,
+        };
+        writer.notice(&link, "can0").unwrap();
+        writer.flush().unwrap();
+        store.end(None);
+        until(&found, |news| matches!(news, News::Indexed));
+        assert_eq!(timeline.end().unwrap().time(), Some(time));
+    }
 
     #[test]
     fn parts_of_a_recording_are_called_alike() {

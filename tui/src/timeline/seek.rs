@@ -291,9 +291,8 @@ impl Seeker {
     ) -> Answer<Window> {
         let mut found = Found::default();
         let mut next = walk.world.frames() + NEAR;
-        while walk.peek()?.is_none_or(|next| next.number <= spot.frame) {
-            let is_last = self.shared.progress.frames() <= walk.world.frames() && !self.is_whole();
-            if is_last || !walk.step(&mut |told: Told<'_>| found.take(order, spot, &told))? {
+        while !walk.is_at_head(&self.shared) && walk.peek()?.is_none_or(|next| next.number <= spot.frame) {
+            if !walk.step(&mut |told: Told<'_>| found.take(order, spot, &told))? {
                 break;
             }
             if self.is_stale_at(&walk, &mut next, is_stale) {
@@ -352,11 +351,8 @@ impl Seeker {
         is_stale: &mut impl FnMut() -> bool,
     ) -> Result<(), CaptureError> {
         let mut next = walk.world.frames() + NEAR;
-        while found.after.len() < order.after {
+        while found.after.len() < order.after && !walk.is_at_head(&self.shared) {
             let place = walk.world.frames();
-            if place >= self.shared.progress.frames() && !self.is_whole() {
-                break;
-            }
             if let Some(hit) = matches.and_then(|matches| matches.next_frame(place + 1))
                 && hit > place + NEAR
             {

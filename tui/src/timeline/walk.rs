@@ -93,6 +93,11 @@ impl Walk {
         self.batch.frames().last().map_or(u64::MAX, |frame| frame.number)
     }
 
+    /// Whether all that is known of a capture that grows was taken: going on would wait for more.
+    pub(super) fn is_at_head(&self, shared: &Shared) -> bool {
+        self.is_drained() && self.offset() >= shared.progress.bytes() && !shared.progress.is_complete()
+    }
+
     /// Whether going on means reading.
     pub(super) fn is_drained(&self) -> bool {
         self.frames >= self.batch.frames().len() && self.notices >= self.batch.notices().len()
