@@ -123,6 +123,7 @@ pub fn run(app: &mut App, screen: &mut Screen, messages: &Receiver<Message>) -> 
     let size = screen.0.size().context("the terminal has no size")?;
     app.resize(size.width, size.height);
     let mut is_new = true;
+    let mut followed: Option<Instant> = None;
     loop {
         // What grew is drawn when the place that is followed is known.
         if is_new || !app.is_seeking() {
@@ -138,7 +139,11 @@ pub fn run(app: &mut App, screen: &mut Screen, messages: &Receiver<Message>) -> 
                 Message::Gone => return Ok(()),
             }
         }
-        app.tick();
+        // The end is gone to again no more often than that, however fast the answers are.
+        if followed.is_none_or(|last| last.elapsed() >= REFRESH) {
+            followed = Some(Instant::now());
+            app.tick();
+        }
         for output in app.outputs() {
             match output {
                 Output::Quit => return Ok(()),
