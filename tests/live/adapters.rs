@@ -1,6 +1,6 @@
 //! Buses that are reached through a serial adapter, a server or text.
 
-use std::fs::{File, OpenOptions, read_link};
+use std::fs::{OpenOptions, read_link};
 use std::io::{Read as _, Write as _};
 use std::os::fd::{AsFd as _, AsRawFd as _};
 use std::path::Path;
@@ -86,9 +86,10 @@ fn frames_come_through_the_adapter_that_slcanpty_is() {
     let is_open = |line: &str| line.contains("slave pseudo-terminal is");
     let line = adapter.wait_line("name of a terminal", is_open);
     let terminal = line.rsplit(' ').next().unwrap();
+    // Opened before anything else opens and closes it: that would end the adapter.
+    let mut to = OpenOptions::new().read(true).write(true).open(terminal).unwrap();
+    let mut from = to.try_clone().unwrap();
     raw(terminal);
-    let other = || OpenOptions::new().read(true).write(true).open(terminal).unwrap();
-    let (mut to, mut from): (File, File) = (other(), other());
 
     let port = Port::open();
     let written = listen(&port, move |bytes| {

@@ -2,7 +2,7 @@
 
 use std::env;
 use std::ffi::OsStr;
-use std::io::{BufRead as _, BufReader, Read};
+use std::io::{BufRead as _, BufReader, Read, Write as _};
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -254,11 +254,17 @@ pub fn ip(arguments: &str) {
     run("ip", &arguments.split_whitespace().collect::<Vec<_>>());
 }
 
-/// Sends frames in cansend's form, one after the other.
+/// Sends frames in cansend's form one after the other, by one program: to start one takes long in a guest.
 pub fn send<S: AsRef<str>>(bus: &str, frames: &[S]) {
-    let mut arguments = vec!["-c", "bus=$1; shift; for frame; do cansend $bus $frame || exit; done", "sh", bus];
-    arguments.extend(frames.iter().map(AsRef::as_ref));
-    run("sh", &arguments);
+    let mut player = Command::new("canplayer");
+    player.args(["-t", &format!("{bus}=sent")]).stdin(Stdio::piped());
+    let mut player = player.spawn().unwrap();
+    let mut input = player.stdin.take().unwrap();
+    for frame in frames {
+        writeln!(input, "(0.000000) sent {}", frame.as_ref()).unwrap();
+    }
+    drop(input);
+    assert!(player.wait().unwrap().success());
 }
 
 /// Sends a frame of its own kind until all of these programs told of it: now each hears this bus. What was sent
@@ -269,7 +275,7 @@ pub fn greet(bus: &str, programs: &[&Program]) -> String {
     while begin.elapsed() < LIMIT {
         let data = format!("{:08X}", COUNT.fetch_add(1, Ordering::Relaxed));
         let frame = format!("{HELLO}#{data}");
-        send(bus, &[&frame]);
+        run("cansend", &[bus, &frame]);
         if programs.iter().all(|program| program.greeted(&data, PATIENCE)) {
             return frame;
         }
