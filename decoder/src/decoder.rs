@@ -111,10 +111,14 @@ impl Decoder {
     ) {
         self.advance(time, out);
         self.last_time = Some(time);
-        self.say(bus, EventKind::Link { state, bit_rate }, names, out);
-        if let (Some(rate), Some(bus)) = (bit_rate, self.buses.get_mut(usize::from(bus.0))) {
+        let index = usize::from(bus.0);
+        if index >= self.buses.len() {
+            self.add_buses(index, names);
+        }
+        if let (Some(rate), Some(bus)) = (bit_rate, self.buses.get_mut(index)) {
             bus.hear_bit_rate(rate);
         }
+        self.say(bus, EventKind::Link { state, bit_rate }, names, out);
     }
 
     fn say(&mut self, bus: BusIndex, kind: EventKind, names: &BusNames, out: &mut dyn Observer) {

@@ -7,6 +7,7 @@ mod exit_code;
 mod figures;
 pub mod keymap;
 pub mod panes;
+mod record;
 mod select;
 mod source;
 mod terminal;

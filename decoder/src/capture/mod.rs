@@ -36,6 +36,7 @@ use crate::frame::{BusIndex, LinkState, Timestamp};
 pub use batch::{BATCH_FRAMES, Batch, Item};
 pub use candump::TimeStyle;
 pub use compression::{decompress, is_compressed};
+pub use link::kernel_frame;
 pub use merged::{Merged, MergedCapture, MergedPosition};
 pub use reader::{Position, Reader};
 pub use writer::{FrameWriter, WritableFormat};

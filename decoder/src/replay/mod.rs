@@ -74,6 +74,11 @@ impl Index {
         self.marks.push(mark);
     }
 
+    /// Forgets marks from which reading cannot go on any more: the first capture's bytes before `offset` are gone.
+    pub fn forget_before(&mut self, offset: u64) {
+        self.marks.retain(|mark| mark.position.offsets().next().is_some_and(|start| start >= offset));
+    }
+
     /// The last mark with at most `frames` frames before it.
     pub fn before_frame(&self, frames: u64) -> Option<&Mark> {
         let after = self.marks.partition_point(|mark| mark.frames <= frames);

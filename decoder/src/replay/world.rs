@@ -101,17 +101,8 @@ impl World {
         }
         self.spot = Spot::before(frame.number);
         let place = self.identifiers.frame(frame);
-        let mut teller = Teller {
-            place,
-            frame: Some(frame),
-            identifiers: &mut self.identifiers,
-            latest: &mut self.latest,
-            news: &mut self.news,
-            spot: &mut self.spot,
-            counts: &mut self.counts,
-            out,
-        };
-        self.decoder.push(frame, names, &mut teller);
+        let (decoder, mut teller) = self.teller(place, Some(frame), out);
+        decoder.push(frame, names, &mut teller);
     }
 
     /// Takes what a reader has to say.
@@ -122,20 +113,26 @@ impl World {
         if let Notice::Link { time, .. } | Notice::Quiet(time) = notice {
             self.time = self.time.max(Some(*time));
         }
-        let (decoder, mut teller) = self.teller(out);
+        let (decoder, mut teller) = self.teller(None, None, out);
         decoder.notice(notice, names, &mut teller);
     }
 
     /// The capture ended: closes what is open.
     pub fn finish(&mut self, names: &BusNames, out: &mut impl FnMut(Told<'_>)) {
-        let (decoder, mut teller) = self.teller(out);
+        let (decoder, mut teller) = self.teller(None, None, out);
         decoder.finish(names, &mut teller);
     }
 
-    fn teller<'a, F>(&'a mut self, out: &'a mut F) -> (&'a mut Decoder, Teller<'a, F>) {
+    #[inline]
+    fn teller<'a, F>(
+        &'a mut self,
+        place: Option<usize>,
+        frame: Option<&'a Frame>,
+        out: &'a mut F,
+    ) -> (&'a mut Decoder, Teller<'a, F>) {
         let teller = Teller {
-            place: None,
-            frame: None,
+            place,
+            frame,
             identifiers: &mut self.identifiers,
             latest: &mut self.latest,
             news: &mut self.news,

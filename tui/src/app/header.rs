@@ -1,12 +1,15 @@
 //! The line at the top: buses, what is wrong with the capture, findings, time.
 
+use cobscope_decoder::frame::LinkState;
 use cobscope_decoder::profile::device::Severity;
+use cobscope_decoder::sink::escape;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
 use super::Core;
+use crate::source::live::Live;
 use crate::theme::Role;
 use crate::widgets::draw;
 
@@ -40,6 +43,9 @@ fn parts(core: &Core) -> Vec<(String, Role)> {
     if let Some(failure) = core.timeline.failure() {
         parts.push((format!("NOT READ TO THE END: {failure}"), Role::Bad));
     }
+    if let Some(live) = core.timeline.live() {
+        live_parts(core, &live.get(), &mut parts);
+    }
     parts.extend(buses(core).into_iter().map(|text| (text, Role::Header)));
     let survey = core.timeline.survey();
     let quality = &survey.statistics.quality;
@@ -62,19 +68,54 @@ fn parts(core: &Core) -> Vec<(String, Role)> {
     if counts.unreadable > 0 {
         parts.push((format!("bad lines {}", counts.unreadable), Role::Bad));
     }
-    if let Some(granularity) = quality.granularity() {
+    if let Some(stamps) = core.timeline.live().and_then(|live| stamps(&live.get())) {
+        parts.push((format!("stamps of {stamps}"), Role::Header));
+    } else if let Some(granularity) = quality.granularity() {
         parts.push((format!("stamps ±{}", step(granularity)), Role::Header));
     }
     parts
 }
 
+/// What is to be known of live buses besides what came: what is wrong with them first, then the record.
+fn live_parts(core: &Core, live: &Live, parts: &mut Vec<(String, Role)>) {
+    if let Some(failure) = &live.failure {
+        parts.push((format!("ENDED: {}", escape(failure)), Role::Bad));
+    }
+    for bus in &live.buses {
+        let name = escape(&bus.name);
+        if bus.state != LinkState::Up {
+            parts.push((format!("{name} {}", bus.state.name().to_uppercase()), Role::Bad));
+        }
+        if let Some(controller) = bus.controller.as_ref().filter(|state| !state.starts_with("error active")) {
+            parts.push((format!("{name} {}", escape(controller)), Role::Bad));
+        }
+    }
+    if let Some((bus, change)) = &core.timeline.survey().bit_rate_change {
+        parts.push((format!("{bus}: {change}: set the interface too"), Role::Caution));
+    }
+    if let Some(record) = &live.record {
+        let role = if record.missing > 0 { Role::Bad } else { Role::Header };
+        parts.push((format!("REC {record}"), role));
+    }
+    let dropped = core.timeline.dropped();
+    if dropped > 0 {
+        parts.push((format!("kept from #{}", dropped + 1), Role::Caution));
+    }
+}
+
 /// `can0 250k load 34 %`, or frames a second where the bit rate is not known.
 fn buses(core: &Core) -> Vec<String> {
     let Some(world) = core.world() else { return vec!["reading …".into()] };
+    if let Some(live) = core.timeline.live()
+        && world.buses().is_empty()
+    {
+        let live = live.get();
+        return live.buses.iter().map(|bus| format!("{} listening", escape(&bus.name))).collect();
+    }
     let survey = core.timeline.survey();
     let time = core.time().map(|time| time.0);
     let bus = |bus: &cobscope_decoder::session::Bus| {
-        let name = cobscope_decoder::sink::escape(bus.name()).into_owned();
+        let name = escape(bus.name()).into_owned();
         let load = survey.load.get(usize::from(bus.index().0));
         let step = load.zip(time).map(|(load, time)| load.over(time, SECOND));
         match (bus.bit_rate(), step) {
@@ -88,6 +129,12 @@ fn buses(core: &Core) -> Vec<String> {
         }
     };
     world.buses().iter().map(bus).collect()
+}
+
+/// Whose clock stamps frames, if it is one.
+fn stamps(live: &Live) -> Option<&'static str> {
+    let first = live.buses.first()?.stamps;
+    live.buses.iter().all(|bus| bus.stamps == first).then(|| first.whose()).flatten()
 }
 
 /// Errors and warnings found.

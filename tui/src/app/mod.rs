@@ -18,6 +18,7 @@ pub use start::{Start, quoted};
 pub use update::{Output, pattern};
 
 use cobscope_decoder::sink::text::Tone;
+use ratatui::crossterm::event::KeyEvent;
 use ratatui::layout::Rect;
 
 pub use crate::panes::PaneId;
@@ -45,6 +46,8 @@ pub struct App {
     command: String,
     /// Line clicked last, to tell a second click on it.
     clicked: Option<(u16, u16)>,
+    /// Keys pressed before anything was on the screen to which they could mean something.
+    early: Vec<KeyEvent>,
 }
 
 /// What keys mean at the moment.
@@ -74,6 +77,9 @@ impl App {
         match news {
             News::Window(window) => {
                 self.core.answer(*window);
+                for key in std::mem::take(&mut self.early) {
+                    self.key(key);
+                }
                 // It may be from just before the index was complete, and come behind the news of that.
                 if self.core.is_pending() && self.is_indexed() {
                     self.core.refresh();

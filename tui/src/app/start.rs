@@ -24,6 +24,8 @@ pub struct Start {
     pub filter: Option<(String, Filter)>,
     /// Repetitions too.
     pub all: bool,
+    /// Goes to the end as more comes.
+    pub follows: bool,
 }
 
 impl App {
@@ -47,8 +49,14 @@ impl App {
             area: Rect::new(0, 0, 80, 24),
             command: start.command,
             clicked: None,
+            early: Vec::new(),
         };
-        app.go_to(start.at);
+        if start.follows {
+            app.core.is_following = true;
+            app.core.go(Place::End);
+        } else {
+            app.go_to(start.at);
+        }
         app
     }
 

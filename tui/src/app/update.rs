@@ -21,12 +21,21 @@ pub enum Output {
     Copy(String),
 }
 
+/// Keys kept until there is something they can mean.
+const MOST_EARLY: usize = 64;
+
 /// Rows a turn of the mouse wheel goes.
 const WHEEL: usize = 3;
 
 impl App {
     /// A key was pressed.
     pub fn key(&mut self, key: KeyEvent) {
+        if self.core.window.is_none() && keymap::action(&key) != Some(Action::Quit) {
+            if self.early.len() < MOST_EARLY {
+                self.early.push(key);
+            }
+            return;
+        }
         self.core.said = None;
         match &mut self.mode {
             Mode::Panes => {

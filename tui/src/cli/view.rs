@@ -12,9 +12,6 @@ use crate::select::Bound;
 pub struct ViewArgs {
     #[command(flatten)]
     pub input: InputArgs,
-    /// Pane shown first
-    #[arg(long, value_name = "PANE", default_value = "events")]
-    pub pane: PaneId,
     /// Where to begin: 12.5 (seconds from the first frame), #1234 (frame), or a date and time
     #[arg(long, value_name = "TIME")]
     pub at: Option<Bound>,
@@ -27,15 +24,25 @@ pub struct ViewArgs {
     /// Let captures begin at the same moment, whatever their dates
     #[arg(long)]
     pub align: bool,
+    #[command(flatten)]
+    pub screen: ScreenArgs,
+    /// Colours: auto uses them unless NO_COLOR is set
+    #[arg(long, value_name = "WHEN", default_value = "auto")]
+    pub color: Color,
+}
+
+/// How the screen looks.
+#[derive(Debug, Args)]
+pub struct ScreenArgs {
+    /// Pane shown first
+    #[arg(long, value_name = "PANE", default_value = "events")]
+    pub pane: PaneId,
     /// What the terminal's background is
     #[arg(long, value_name = "THEME", default_value = "dark")]
     pub theme: ThemeName,
     /// Draw lines and plots with ASCII characters
     #[arg(long)]
     pub ascii: bool,
-    /// Colours: auto uses them unless NO_COLOR is set
-    #[arg(long, value_name = "WHEN", default_value = "auto")]
-    pub color: Color,
 }
 
 /// What the terminal's background is.

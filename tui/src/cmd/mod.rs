@@ -7,7 +7,9 @@ mod describe;
 mod device_files;
 mod explain;
 mod input;
+mod live;
 mod objects;
+mod print;
 mod profile_markdown;
 mod profile_page;
 mod profiles;
@@ -42,6 +44,7 @@ pub(crate) use rules::rule_sections;
 pub fn run(cli: Cli) -> Exit {
     match cli.command {
         Command::View(arguments) => view::run(&arguments),
+        Command::Live(arguments) => live::run(&arguments),
         Command::Decode(arguments) => decode::run(&arguments),
         Command::Stats(arguments) => stats::run(&arguments),
         Command::Objects(arguments) => objects::run(&arguments),
@@ -60,7 +63,7 @@ pub fn run(cli: Cli) -> Exit {
 /// # Errors
 /// What the command itself would complain about.
 pub fn open_view(view: &crate::cli::ViewArgs, words: &[String]) -> anyhow::Result<(App, Receiver<News>)> {
-    view::open(view, view::command(words.iter().cloned()))
+    view::open(view, view::command("view", words.iter().cloned()))
 }
 
 /// Tells the user what went wrong.

@@ -2,14 +2,14 @@
 
 use std::io::IsTerminal as _;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::{Receiver, Sender, channel};
 
 use anyhow::{Context as _, ensure};
 
 use super::complain;
 use super::input::{captures, read_options, session_options, setup};
 use crate::app::{App, Start, quoted};
-use crate::cli::{Color, ThemeName, ViewArgs};
+use crate::cli::{Color, ScreenArgs, ThemeName, ViewArgs};
 use crate::exit_code::Exit;
 use crate::terminal::{self, Message, Screen};
 use crate::theme::{Borders, Depth, Palette, Theme};
@@ -42,7 +42,14 @@ fn captures_of(arguments: &ViewArgs) -> anyhow::Result<Captures> {
     let session = session_options(&arguments.input)?;
     let rules = Arc::new(setup(&arguments.input, &session.catalogue, Some(today))?);
     let paths = captures(&arguments.input);
-    Ok(Captures { paths, align: arguments.align, read: read_options(&arguments.input), session, rules })
+    Ok(Captures {
+        paths,
+        align: arguments.align,
+        read: read_options(&arguments.input),
+        session,
+        rules,
+        live: None,
+    })
 }
 
 /// The application as a command line wants it, without a terminal, and what its background finds.
@@ -52,7 +59,7 @@ fn captures_of(arguments: &ViewArgs) -> anyhow::Result<Captures> {
 pub fn open(arguments: &ViewArgs, command: String) -> anyhow::Result<(App, Receiver<News>)> {
     let (news, found) = channel();
     let timeline = Timeline::open(captures_of(arguments)?, news)?;
-    Ok((App::new(timeline, theme(arguments), start(arguments, command)), found))
+    Ok((App::new(timeline, theme(&arguments.screen, arguments.color), start(arguments, command)), found))
 }
 
 fn show(arguments: &ViewArgs, captures: Captures) -> anyhow::Result<()> {
@@ -60,22 +67,28 @@ fn show(arguments: &ViewArgs, captures: Captures) -> anyhow::Result<()> {
     let (news, found) = channel();
     let timeline = Timeline::open(captures, news)?;
     ensure_keys(arguments)?;
-    let forwarded = messages.clone();
-    std::thread::Builder::new()
-        .name("news".into())
-        .spawn(move || {
-            for news in found {
-                if forwarded.send(Message::News(news)).is_err() {
-                    return;
-                }
-            }
-        })
-        .context("no thread can be started")?;
-    let command = command(std::env::args().skip(1));
-    let mut app = App::new(timeline, theme(arguments), start(arguments, command));
+    forward(found, messages.clone())?;
+    let command = command("view", std::env::args().skip(1));
+    let mut app = App::new(timeline, theme(&arguments.screen, arguments.color), start(arguments, command));
     let mut screen = Screen::take()?;
     terminal::listen(messages)?;
     terminal::run(&mut app, &mut screen, &inbox)
+}
+
+/// Tells the application what the background finds.
+///
+/// # Errors
+/// When no thread can be started.
+pub(super) fn forward(found: Receiver<News>, messages: Sender<Message>) -> anyhow::Result<()> {
+    let run = move || {
+        for news in found {
+            if messages.send(Message::News(news)).is_err() {
+                return;
+            }
+        }
+    };
+    std::thread::Builder::new().name("news".into()).spawn(run).context("no thread can be started")?;
+    Ok(())
 }
 
 /// Keys come from the terminal, also where the capture comes from standard input.
@@ -88,8 +101,8 @@ fn ensure_keys(arguments: &ViewArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn theme(arguments: &ViewArgs) -> Theme {
-    let is_plain = match arguments.color {
+pub(super) fn theme(arguments: &ScreenArgs, color: Color) -> Theme {
+    let is_plain = match color {
         Color::Always => false,
         Color::Never => true,
         Color::Auto => std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty()),
@@ -111,18 +124,19 @@ fn theme(arguments: &ViewArgs) -> Theme {
 fn start(arguments: &ViewArgs, command: String) -> Start {
     Start {
         command,
-        pane: arguments.pane,
+        pane: arguments.screen.pane,
         at: arguments.at,
         filter: arguments.filter.clone().map(|filter| (filter.to_string(), filter)),
         all: arguments.all,
+        follows: false,
     }
 }
 
 /// The command line without what the view says itself.
-pub fn command(given: impl Iterator<Item = String>) -> String {
-    let mut words = vec!["cobscope".to_owned(), "view".to_owned()];
+pub fn command(name: &str, given: impl Iterator<Item = String>) -> String {
+    let mut words = vec!["cobscope".to_owned(), name.to_owned()];
     let mut given = given.peekable();
-    given.next_if(|word| word == "view");
+    given.next_if(|word| word == name);
     while let Some(word) = given.next() {
         let own = ["--pane", "--at", "--filter"];
         if own.contains(&word.as_str()) {

@@ -15,10 +15,11 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
-use crate::app::Core;
+use crate::app::{Action, Core};
 use crate::figures::seconds;
 use crate::theme::{Glyph, Role, Theme};
 use crate::widgets::draw;
+use crate::widgets::table::TableState;
 use crate::widgets::text_lines::TextLines;
 
 /// Seconds from the first frame.
@@ -113,6 +114,20 @@ impl Labelled {
             row += TextLines::new(theme, std::slice::from_ref(line)).total(width);
         }
     }
+}
+
+/// Moves the selected row of a table of `len` rows, `height` of them on the screen.
+pub(super) fn move_in(table: &mut TableState, action: Action, height: usize, len: usize) {
+    match action {
+        Action::Down => table.move_by(1, len),
+        Action::Up => table.move_by(-1, len),
+        Action::PageDown => table.page(1, height, len),
+        Action::PageUp => table.page(-1, height, len),
+        Action::Top => table.home(),
+        Action::Bottom => table.end(len),
+        _ => {}
+    }
+    table.settle(height, len);
 }
 
 /// A line across, with a title in it.

@@ -26,7 +26,7 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
 use super::Pane;
-use super::common::has_buses;
+use super::common::{has_buses, move_in};
 use crate::app::{Action, Core, Effect, PaneId, SignalKey};
 use crate::figures::{millis, seconds};
 use crate::theme::{Glyph, Role};
@@ -171,15 +171,7 @@ impl Frames {
         let rows = order(core, world, self.table.sort);
         let (len, height) = (rows.len(), usize::from(core.height).saturating_sub(2));
         self.table.selected = self.at(&rows);
-        match action {
-            Action::Down => self.table.move_by(1, len),
-            Action::Up => self.table.move_by(-1, len),
-            Action::PageDown => self.table.page(1, height, len),
-            Action::PageUp => self.table.page(-1, height, len),
-            Action::Top => self.table.home(),
-            _ => self.table.end(len),
-        }
-        self.table.settle(height, len);
+        move_in(&mut self.table, action, height, len);
         self.selected = rows.get(self.table.selected).map(|row| key(row));
     }
 

@@ -18,7 +18,7 @@ use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
 use super::Pane;
-use super::common::{bus_name, divider, has_buses, node_filter, time};
+use super::common::{bus_name, divider, has_buses, move_in, node_filter, time};
 use crate::app::{Action, Core, Effect, PaneId, Place, role_of};
 use crate::figures::millis;
 use crate::theme::Role;
@@ -212,17 +212,12 @@ impl Transfers {
         let selected = Self::selected(core, &survey, order.as_deref());
         self.table.selected = selected.unwrap_or(0);
         match (action, selected) {
-            (Action::Top, _) => self.table.home(),
-            (Action::Bottom, _) => self.table.end(len),
+            (Action::Top | Action::Bottom, _) => move_in(&mut self.table, action, height, len),
             // Before the first one there is only the first one to go to.
             (Action::Down | Action::PageDown, None) => {}
             (_, None) => return Vec::new(),
-            (Action::Down, _) => self.table.move_by(1, len),
-            (Action::Up, _) => self.table.move_by(-1, len),
-            (Action::PageDown, _) => self.table.page(1, height, len),
-            _ => self.table.page(-1, height, len),
+            _ => move_in(&mut self.table, action, height, len),
         }
-        self.table.settle(height, len);
         let exchange = Self::exchange(order.as_deref(), &survey, self.table.selected);
         exchange.map(|exchange| Effect::Go(Place::Spot(exchange.spot))).into_iter().collect()
     }

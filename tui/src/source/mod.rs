@@ -14,7 +14,7 @@ use anyhow::Context as _;
 use cobscope_decoder::capture::{ReadOptions, Reader, decompress};
 
 pub use progress::Progress;
-pub use store::{Store, StoreReader};
+pub use store::{Store, StoreReader, StoreWriter};
 
 /// Bytes read ahead only to see whether the file is compressed; larger reads pass by this buffer.
 const HEAD: usize = 16 * 1024;

@@ -1,10 +1,16 @@
 //! The bytes of a capture for many readers at once: a file read in place, or, of what can be read only once
-//! (compressed captures, standard input), a temporary file that fills while it is read.
+//! (compressed captures, standard input, live buses), temporary files without names that fill while they are read.
+//!
+//! ```text
+//! live: ░░░░ dropped ░░░░│ piece │ piece │ piece │ piece ◀─ written    never more than is to be kept
+//! ```
 
+use std::collections::VecDeque;
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::{BufReader, Read, Write};
 use std::path::Path;
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, PoisonError, RwLock};
+use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use cobscope_decoder::capture::{decompress, is_compressed};
@@ -14,16 +20,37 @@ use super::HEAD;
 /// Bytes written to the temporary file at a time.
 const PIECE: usize = 256 * 1024;
 
+/// Fewer bytes than this in a microsecond come from something that happens as it is read: a CAN bus has 0.4.
+const TRICKLE: u128 = 2;
+
+/// How long what trickles is gathered.
+const GATHER: Duration = Duration::from_millis(10);
+
+/// Least bytes a live store keeps: some hundred thousand frames.
+const LEAST_KEPT: u64 = 16 * 1024 * 1024;
+
+/// Pieces of a live store; one of them goes at a time.
+const PIECES: u64 = 16;
+
 /// The decompressed bytes of a capture.
 pub struct Store {
     name: String,
-    file: File,
+    pieces: RwLock<VecDeque<Piece>>,
     state: Mutex<State>,
     grew: Condvar,
 }
 
+/// A file with the bytes from an offset on, up to the next piece.
+#[derive(Debug, Clone)]
+struct Piece {
+    start: u64,
+    file: Arc<File>,
+}
+
 #[derive(Debug, Clone, Default)]
 struct State {
+    /// Bytes at the beginning that are not kept any more.
+    start: u64,
     length: u64,
     is_complete: bool,
     /// Why it ends where it does, if it should not.
@@ -49,31 +76,47 @@ impl Store {
             return Self::spooled(name, Box::new(file));
         }
         let state = State { length: metadata.len(), is_complete: true, ..State::default() };
-        Ok(Arc::new(Self { name, file, state: Mutex::new(state), grew: Condvar::new() }))
+        Ok(Arc::new(Self::of(name, file, state)))
+    }
+
+    fn of(name: String, file: File, state: State) -> Self {
+        let pieces = VecDeque::from([Piece { start: 0, file: Arc::new(file) }]);
+        Self { name, pieces: RwLock::new(pieces), state: Mutex::new(state), grew: Condvar::new() }
+    }
+
+    /// A store that is written piece by piece, of which about the last `keep` bytes stay.
+    ///
+    /// # Errors
+    /// When no temporary file can be made.
+    pub fn live(name: String, keep: u64) -> anyhow::Result<(Arc<Self>, StoreWriter)> {
+        let file = tempfile::tempfile().context("no temporary file can be made")?;
+        let store = Arc::new(Self::of(name, file, State::default()));
+        let keep = keep.max(LEAST_KEPT);
+        let writer = StoreWriter { store: Arc::clone(&store), keep, piece: keep / PIECES, written: 0 };
+        Ok((store, writer))
     }
 
     /// Copies a source to a temporary file without a name, decompressed, while others read it.
     fn spooled(name: String, source: Box<dyn Read + Send>) -> anyhow::Result<Arc<Self>> {
         let file = tempfile::tempfile().context("no temporary file can be made")?;
-        let store = Arc::new(Self { name, file, state: Mutex::new(State::default()), grew: Condvar::new() });
+        let file = Arc::new(file);
+        let pieces = RwLock::new(VecDeque::from([Piece { start: 0, file: Arc::clone(&file) }]));
+        let store = Arc::new(Self { name, pieces, state: Mutex::default(), grew: Condvar::new() });
         let filled = Arc::clone(&store);
         std::thread::Builder::new()
             .name("spool".into())
             .spawn(move || {
-                let failure = filled.fill(source).err().map(|error| format!("{error:#}"));
-                let mut state = filled.lock();
-                (state.is_complete, state.failure) = (true, failure);
-                drop(state);
-                filled.grew.notify_all();
+                let failure = filled.fill(&file, source).err().map(|error| format!("{error:#}"));
+                filled.end(failure);
             })
             .context("no thread can be started")?;
         Ok(store)
     }
 
-    fn fill(&self, source: Box<dyn Read + Send>) -> anyhow::Result<()> {
+    fn fill(&self, file: &File, source: Box<dyn Read + Send>) -> anyhow::Result<()> {
         let mut source = decompress(BufReader::with_capacity(HEAD, source))?;
         let mut piece = vec![0; PIECE];
-        let mut written = 0;
+        let (mut written, mut last) = (0, Instant::now());
         loop {
             let count = match source.read(&mut piece) {
                 Ok(0) => return Ok(()),
@@ -82,7 +125,7 @@ impl Store {
                 Err(error) => return Err(anyhow::Error::from(error).context("reading failed")),
             };
             let piece = piece.get(..count).unwrap_or_default();
-            write_at(&self.file, piece, written).context("the temporary file cannot be written")?;
+            write_at(file, piece, written).context("the temporary file cannot be written")?;
             written += count as u64;
             let mut state = self.lock();
             state.length = written;
@@ -91,6 +134,11 @@ impl Store {
             self.grew.notify_all();
             if is_abandoned {
                 return Ok(());
+            }
+            // What trickles is gathered a while: each piece wakes all who wait for more.
+            let took = std::mem::replace(&mut last, Instant::now()).elapsed();
+            if (count as u128) < took.as_micros() * TRICKLE {
+                std::thread::sleep(GATHER);
             }
         }
     }
@@ -110,6 +158,20 @@ impl Store {
         (state.length, state.is_complete)
     }
 
+    /// Bytes at the beginning that are not kept any more.
+    pub fn start(&self) -> u64 {
+        self.lock().start
+    }
+
+    /// The file with the byte at `offset`, where in it, and how many bytes follow before the next piece.
+    fn place(&self, offset: u64) -> Option<(Arc<File>, u64, u64)> {
+        let pieces = self.pieces.read().unwrap_or_else(PoisonError::into_inner);
+        let behind = pieces.partition_point(|piece| piece.start <= offset);
+        let piece = pieces.get(behind.checked_sub(1)?)?;
+        let end = pieces.get(behind).map_or(u64::MAX, |next| next.start);
+        Some((Arc::clone(&piece.file), offset - piece.start, end - offset))
+    }
+
     /// Why it ends early, if it does.
     pub fn failure(&self) -> Option<String> {
         self.lock().failure.clone()
@@ -118,6 +180,14 @@ impl Store {
     /// Nobody reads it any more: readers that wait come to the end.
     pub fn abandon(&self) {
         self.lock().is_abandoned = true;
+        self.grew.notify_all();
+    }
+
+    /// Nothing more will be written; because of this if it is for a reason.
+    pub fn end(&self, failure: Option<String>) {
+        let mut state = self.lock();
+        (state.is_complete, state.failure) = (true, failure);
+        drop(state);
         self.grew.notify_all();
     }
 
@@ -177,16 +247,69 @@ impl Read for StoreReader {
         if wanted == 0 || is_abandoned {
             return Ok(0);
         }
-        let count = read_at(&self.store.file, buffer.get_mut(..wanted).unwrap_or_default(), self.offset)?;
+        let Some((file, place, whole)) = self.store.place(self.offset) else {
+            return Err(std::io::Error::other("these frames are not kept any more (--keep)"));
+        };
+        let wanted = wanted.min(usize::try_from(whole).unwrap_or(usize::MAX));
+        let count = read_at(&file, buffer.get_mut(..wanted).unwrap_or_default(), place)?;
         self.offset += count as u64;
         Ok(count)
     }
 }
 
+/// Writes a live store. What is written is seen by readers once it is flushed.
+pub struct StoreWriter {
+    store: Arc<Store>,
+    keep: u64,
+    /// Bytes of a piece.
+    piece: u64,
+    written: u64,
+}
+
+impl StoreWriter {
+    /// Begins a new piece where the present one is full, and gives up the oldest ones.
+    fn make_room(&mut self) -> std::io::Result<()> {
+        let mut pieces = self.store.pieces.write().unwrap_or_else(PoisonError::into_inner);
+        let start = pieces.back().map_or(0, |piece| piece.start);
+        if self.written - start < self.piece {
+            return Ok(());
+        }
+        pieces.push_back(Piece { start: self.written, file: Arc::new(tempfile::tempfile()?) });
+        while pieces.len() > 1 && self.written - pieces.front().map_or(0, |piece| piece.start) > self.keep {
+            pieces.pop_front();
+        }
+        let start = pieces.front().map_or(0, |piece| piece.start);
+        drop(pieces);
+        self.store.lock().start = start;
+        Ok(())
+    }
+
+    /// The store that is written.
+    pub fn store(&self) -> Arc<Store> {
+        Arc::clone(&self.store)
+    }
+}
+
+impl Write for StoreWriter {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.make_room()?;
+        let Some((file, place, _)) = self.store.place(self.written) else {
+            return Err(std::io::Error::other("no temporary file"));
+        };
+        write_at(&file, bytes, place)?;
+        self.written += bytes.len() as u64;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.store.lock().length = self.written;
+        self.store.grew.notify_all();
+        Ok(())
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use std::io::Write as _;
-
     use super::*;
 
     #[test]
@@ -206,6 +329,27 @@ mod tests {
         drop(writer);
         assert_eq!(late.join().unwrap(), "345");
         assert_eq!(store.length(), (6, true));
+    }
+
+    #[test]
+    fn of_a_live_store_the_last_bytes_are_kept() {
+        let (store, mut writer) = Store::live("live".into(), 0).unwrap();
+        let chunk = |number: u64| vec![u8::try_from(number % 251).unwrap(); 1 << 20];
+        let chunks = 40;
+        for number in 0..chunks {
+            writer.write_all(&chunk(number)).unwrap();
+            writer.flush().unwrap();
+        }
+        let (length, is_complete) = store.length();
+        assert_eq!((length, is_complete), (chunks << 20, false));
+        let start = store.start();
+        assert!(length - start >= LEAST_KEPT && length - start <= LEAST_KEPT * 2, "{start}");
+        assert!(store.reader(0).read(&mut [0; 16]).is_err(), "the beginning is gone");
+        store.end(None);
+        let mut kept = Vec::new();
+        store.reader(start).read_to_end(&mut kept).unwrap();
+        let expected: Vec<u8> = (start >> 20..chunks).flat_map(chunk).collect();
+        assert!(kept == expected, "what is kept is whole, across pieces");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use std::sync::PoisonError;
 use std::sync::mpsc::Sender;
 
 use anyhow::Context as _;
-use cobscope_decoder::capture::{WRITABLE, WritableFormat};
+use cobscope_decoder::capture::WritableFormat;
 use cobscope_decoder::replay::{Spot, Told};
 use cobscope_decoder::sink::jsonl::Jsonl;
 use cobscope_decoder::sink::text::{PdoLines, Text, TextOptions};
@@ -15,6 +15,7 @@ use cobscope_decoder::sink::text::{PdoLines, Text, TextOptions};
 use super::shared::Shared;
 use super::walk::Walk;
 use super::{Matcher, News};
+use crate::record::format;
 
 /// Bytes gathered before they are written.
 const BUFFER: usize = 64 * 1024;
@@ -42,23 +43,17 @@ enum Format {
 impl Export {
     /// Ends of names that say a format, with what is written then.
     pub fn suffixes() -> impl Iterator<Item = (&'static str, &'static str)> {
-        let frames = WRITABLE.iter().map(|format| (format.suffix, format.title));
-        frames.chain([("txt", "events as text"), ("jsonl", "events as JSON Lines")])
+        format::suffixes().chain([("txt", "events as text"), ("jsonl", "events as JSON Lines")])
     }
 
     fn format(&self) -> anyhow::Result<Format> {
-        let suffix = self.path.extension().and_then(|suffix| suffix.to_str()).unwrap_or_default();
-        if let Some(format) = WRITABLE.iter().find(|format| format.suffix == suffix) {
+        if let Some(format) = format::of(&self.path) {
             return Ok(Format::Frames(format));
         }
-        match suffix {
+        match format::suffix(&self.path) {
             "txt" => Ok(Format::Text),
             "jsonl" => Ok(Format::JsonLines),
-            _ => {
-                let known: Vec<_> =
-                    Self::suffixes().map(|(suffix, title)| format!(".{suffix} ({title})")).collect();
-                anyhow::bail!("the end of the name says the format: {}", known.join(", "))
-            }
+            _ => anyhow::bail!(format::unknown(Self::suffixes())),
         }
     }
 }

@@ -28,6 +28,7 @@ fn go(shared: &Shared, walk: &mut Walk) {
         let is_due = shared.index.read().unwrap_or_else(PoisonError::into_inner).is_due(walk.world.frames());
         if is_due && let Some(mark) = walk.mark() {
             shared.index.write().unwrap_or_else(PoisonError::into_inner).add(mark);
+            shared.forget();
         }
         match walk.leap(u64::MAX, &mut |_| ()) {
             Ok(true) => shared.progress.tell(&walk.world, walk.offset()),

@@ -42,10 +42,11 @@ pub use row::Row;
 pub use seek::{Order, Search, Target, Window};
 pub use shared::{Lane, Progress, Shared};
 pub use signal::SignalKey;
-pub use survey::{Exchange, MOST_EXCHANGES, Occurred, Opened, Survey};
+pub use survey::{Exchange, MOST_EXCHANGES, Occurred, Opened, Survey, bit_rate_change};
 pub use traces::{MOST_SIGNALS, Points, Traces};
 
 use crate::source::Store;
+use crate::source::live::LiveState;
 
 /// Stamps before this many seconds since 1970 count from the capture's beginning, not from 1970.
 const FIRST_EPOCH_SECOND: i64 = 100_000_000;
@@ -80,6 +81,17 @@ pub struct Captures {
     pub session: SessionOptions,
     /// How they are judged.
     pub rules: Arc<Setup>,
+    /// Live buses instead of files.
+    pub live: Option<LiveBuses>,
+}
+
+/// Live buses: what came of them, and how they are.
+#[derive(Clone)]
+pub struct LiveBuses {
+    /// What came.
+    pub store: Arc<Store>,
+    /// How they are.
+    pub state: LiveState,
 }
 
 /// Captures being read in the background.
@@ -88,6 +100,7 @@ pub struct Timeline {
     orders: Sender<Order>,
     news: Sender<News>,
     first: Option<Timestamp>,
+    live: Option<LiveState>,
 }
 
 impl Timeline {
@@ -97,14 +110,18 @@ impl Timeline {
     /// When a capture cannot be opened or is in no known format, or when captures with and without dates
     /// are to be put on one line of time without `align`.
     pub fn open(captures: Captures, news: Sender<News>) -> anyhow::Result<Self> {
-        let (lanes, first) = lanes(&captures)?;
+        let live = captures.live.as_ref().map(|live| live.state.clone());
+        let (lanes, first) = match &captures.live {
+            Some(live) => (vec![live_lane(live)], None),
+            None => lanes(&captures)?,
+        };
         let shared = Arc::new(Shared::new(lanes, captures.session, captures.read));
         let (orders, inbox) = channel();
         let rules = captures.rules;
         spawn("index", &shared, &news, |shared, news| index::run(shared, news))?;
         spawn("survey", &shared, &news, move |shared, news| survey::run(shared, &rules, news))?;
         spawn("seek", &shared, &news, move |shared, news| seek::run(shared, &inbox, news))?;
-        Ok(Self { shared, orders, news, first })
+        Ok(Self { shared, orders, news, first, live })
     }
 
     /// Time of the first frame of all.
@@ -200,6 +217,16 @@ impl Timeline {
         })
     }
 
+    /// How the buses are, where they are live.
+    pub fn live(&self) -> Option<&LiveState> {
+        self.live.as_ref()
+    }
+
+    /// Frames at the beginning of a live bus that are not kept any more.
+    pub fn dropped(&self) -> u64 {
+        self.shared.first_kept().map_or(0, |mark| mark.frames)
+    }
+
     /// The captures.
     pub fn lanes(&self) -> &[Lane] {
         &self.shared.lanes
@@ -233,6 +260,12 @@ fn spawn(
     Ok(())
 }
 
+/// Nothing of a live bus need have come.
+fn live_lane(live: &LiveBuses) -> Lane {
+    let store = Arc::clone(&live.store);
+    Lane { store, group: 0, shift: 0, format: "live", is_live: true }
+}
+
 /// Opens each capture, and puts their clocks side by side.
 fn lanes(captures: &Captures) -> anyhow::Result<(Vec<Lane>, Option<Timestamp>)> {
     let mut lanes: Vec<Lane> = Vec::new();
@@ -247,7 +280,13 @@ fn lanes(captures: &Captures) -> anyhow::Result<(Vec<Lane>, Option<Timestamp>)> 
         firsts.push(first.time);
         let stem = recording(&name);
         let group = captures.paths.iter().position(|other| recording(&other.display().to_string()) == stem);
-        lanes.push(Lane { store, group: group.unwrap_or(0), shift: 0, format: reader.format().title });
+        lanes.push(Lane {
+            store,
+            group: group.unwrap_or(0),
+            shift: 0,
+            format: reader.format().title,
+            is_live: false,
+        });
     }
     let times: Vec<Timestamp> = firsts.iter().flatten().copied().collect();
     if captures.align {
@@ -268,7 +307,24 @@ fn lanes(captures: &Captures) -> anyhow::Result<(Vec<Lane>, Option<Timestamp>)> 
     Ok((lanes, first.copied()))
 }
 
-/// A capture's name without digits: parts of one recording differ in them.
+/// A capture's name without digits: parts of one recording differ in them. The first one may have no number, as in
+/// `run.log` and `run-0002.log`.
 fn recording(name: &str) -> String {
-    name.chars().filter(|character| !character.is_ascii_digit()).collect()
+    let name: String = name.chars().filter(|character| !character.is_ascii_digit()).collect();
+    name.replace("-.", ".")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_of_a_recording_are_called_alike() {
+        let of = |names: &[&str]| names.iter().map(|name| recording(name)).collect::<Vec<_>>();
+        assert_eq!(of(&["a/run.log", "a/run-0002.log", "a/run-0013.log"]), ["a/run.log"; 3]);
+        let usual = ["candump-2026-11-22_073051.log", "candump-2026-11-22_073051-0002.log"];
+        assert_eq!(of(&usual), ["candump---_.log"; 2]);
+        assert_ne!(recording("run.log"), recording("run.pcapng"));
+        assert_ne!(recording("front.log"), recording("front-left.log"));
+    }
 }

@@ -9,6 +9,7 @@
 use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError};
 use std::sync::{Arc, PoisonError};
+use std::time::Duration;
 
 use cobscope_decoder::capture::CaptureError;
 use cobscope_decoder::frame::{Frame, Timestamp};
@@ -17,6 +18,9 @@ use cobscope_decoder::replay::{Mark, Spot, Told, World};
 use super::shared::Shared;
 use super::walk::Walk;
 use super::{Matcher, Matches, News, Row};
+
+/// How long the index may take to its first frames before it is shown that there are none yet.
+const FIRST_WAIT: Duration = Duration::from_millis(50);
 
 /// Frames between own marks.
 const NEAR: u64 = 8_192;
@@ -93,6 +97,7 @@ pub struct Window {
 pub(super) fn run(shared: &Arc<Shared>, orders: &Receiver<Order>, news: &Sender<News>) {
     let mut seeker = Seeker { shared: Arc::clone(shared), near: VecDeque::new() };
     let mut next = orders.recv().ok();
+    shared.wait_for_first(FIRST_WAIT);
     while let Some(order) = next.take() {
         let mut newer = None;
         let mut is_stale = || {
@@ -228,6 +233,8 @@ impl Seeker {
 
     /// The world at or before a frame, as near as a mark allows, walked up to it.
     fn walk_to(&mut self, frame: u64, is_stale: &mut impl FnMut() -> bool) -> Answer<Walk> {
+        let kept = self.shared.kept_from();
+        self.near.retain(|mark| mark.position.offsets().next().is_some_and(|offset| offset >= kept));
         let near = self.near.iter().filter(|mark| mark.frames <= frame).max_by_key(|mark| mark.frames);
         let index = self.shared.index.read().unwrap_or_else(PoisonError::into_inner);
         let far = index.before_frame(frame);
@@ -242,12 +249,8 @@ impl Seeker {
             if !walk.leap(frame, &mut |_| ())? {
                 break;
             }
-            if walk.world.frames() >= next {
-                next = walk.world.frames() + NEAR;
-                self.remember(&walk);
-                if is_stale() {
-                    return Ok(None);
-                }
+            if self.is_stale_at(&walk, &mut next, is_stale) {
+                return Ok(None);
             }
         }
         Ok(Some(walk))
@@ -267,6 +270,16 @@ impl Seeker {
         }
     }
 
+    /// Every now and then leaves a mark and looks whether another order makes going on useless.
+    fn is_stale_at(&mut self, walk: &Walk, next: &mut u64, is_stale: &mut impl FnMut() -> bool) -> bool {
+        if walk.world.frames() < *next {
+            return false;
+        }
+        *next = walk.world.frames() + NEAR;
+        self.remember(walk);
+        is_stale()
+    }
+
     /// Walks over the place and takes the rows on both sides.
     fn look(
         &mut self,
@@ -283,12 +296,8 @@ impl Seeker {
             if is_last || !walk.step(&mut |told: Told<'_>| found.take(order, spot, &told))? {
                 break;
             }
-            if walk.world.frames() >= next {
-                next = walk.world.frames() + NEAR;
-                self.remember(&walk);
-                if is_stale() {
-                    return Ok(None);
-                }
+            if self.is_stale_at(&walk, &mut next, is_stale) {
+                return Ok(None);
             }
         }
         let world = Arc::new(walk.world.clone());

@@ -2,14 +2,18 @@
 
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError, RwLock};
+use std::time::{Duration, Instant};
 
 use cobscope_decoder::capture::{CaptureError, Merged, MergedCapture, MergedPosition, ReadOptions, Reader};
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::replay::{Index, World};
+use cobscope_decoder::replay::{Index, Mark, World};
 use cobscope_decoder::session::SessionOptions;
 
 use super::{Matches, Survey};
 use crate::source::{Store, StoreReader};
+
+/// Frames between two marks of a live bus, to begin with.
+const LIVE_INTERVAL: u64 = 16_384;
 
 /// One capture of a timeline.
 pub struct Lane {
@@ -21,6 +25,8 @@ pub struct Lane {
     pub shift: i64,
     /// Title of its format.
     pub format: &'static str,
+    /// It is being recorded now, and its beginning may be dropped.
+    pub is_live: bool,
 }
 
 /// Captures, what is known of them so far, and whether anybody still wants to know.
@@ -95,11 +101,14 @@ impl Progress {
 
 impl Shared {
     pub(super) fn new(lanes: Vec<Lane>, options: SessionOptions, read_options: ReadOptions) -> Self {
+        // Of what is dropped at its beginning the first mark must not be far.
+        let is_live = lanes.iter().any(|lane| lane.is_live);
+        let index = if is_live { Index::every(LIVE_INTERVAL) } else { Index::default() };
         Self {
             lanes,
             options,
             read_options,
-            index: RwLock::default(),
+            index: RwLock::new(index),
             survey: RwLock::default(),
             matches: RwLock::default(),
             end: Mutex::default(),
@@ -119,6 +128,26 @@ impl Shared {
             Ok(MergedCapture { reader, group: lane.group, shift: lane.shift })
         };
         Ok(Merged::new(self.lanes.iter().map(capture).collect::<Result<_, CaptureError>>()?))
+    }
+
+    /// The first place that is kept, where the beginning is not.
+    pub(super) fn first_kept(&self) -> Option<Mark> {
+        let is_cut = self.kept_from() > 0;
+        let index = self.index.read().unwrap_or_else(PoisonError::into_inner);
+        index.marks().first().filter(|_| is_cut).cloned()
+    }
+
+    /// Byte of a single capture from which on it is kept.
+    pub(super) fn kept_from(&self) -> u64 {
+        if let [lane] = self.lanes.as_slice() { lane.store.start() } else { 0 }
+    }
+
+    /// Forgets places that are not kept any more.
+    pub(super) fn forget(&self) {
+        let start = self.kept_from();
+        if start > 0 {
+            self.index.write().unwrap_or_else(PoisonError::into_inner).forget_before(start);
+        }
     }
 
     /// Captures from a place on.
@@ -145,6 +174,14 @@ impl Shared {
         let mut may_begin = self.may_begin.lock().unwrap_or_else(PoisonError::into_inner);
         while !*may_begin {
             may_begin = self.begins.wait(may_begin).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    /// Lets the index come to its first frames, `most` at most.
+    pub(super) fn wait_for_first(&self, most: Duration) {
+        let start = Instant::now();
+        while self.progress.frames() == 0 && !self.progress.is_complete() && start.elapsed() < most {
+            std::thread::sleep(Duration::from_millis(1));
         }
     }
 

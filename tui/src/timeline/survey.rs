@@ -2,6 +2,7 @@
 
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, PoisonError};
+use std::time::{Duration, Instant};
 
 use cobscope_decoder::event::{
     DtcAction, EmcyAction, Event, EventKind, ExchangeOutcome, FindingNews, FrameRange, MessageOutcome,
@@ -32,8 +33,14 @@ pub const MOST_ERRORS: usize = 200_000;
 /// Findings kept until their groups are known, the first ones.
 const MOST_NEWS: usize = 10_000;
 
+/// The procedure that takes a bus to another bit rate.
+const BIT_RATE_CHANGE: &str = "bit-rate change";
+
 /// Frames between two times what was found is told.
 const STRIDE: u64 = 65_536;
+
+/// How often the survey of what is still coming is told.
+const TELL: Duration = Duration::from_millis(200);
 
 /// What is known of the capture as a whole.
 #[derive(Default)]
@@ -60,6 +67,8 @@ pub struct Survey {
     pub statistics: Statistics,
     /// Names of the buses.
     pub buses: Vec<String>,
+    /// The last change of the bit rate that was announced on a bus: its name, and what is to come.
+    pub bit_rate_change: Option<(String, String)>,
 }
 
 /// A finding when it opened.
@@ -126,9 +135,18 @@ pub(super) fn run(shared: &Shared, setup: &Arc<Setup>, news: &Sender<News>) {
     if let Ok(mut walk) = Walk::start(shared) {
         let mut surveyor = Surveyor::new(setup);
         let mut next = STRIDE;
+        let mut told = Instant::now();
         while !shared.is_over() {
-            if let Ok(Some(frame)) = walk.peek() {
-                surveyor.frame(frame);
+            // What follows may take long to come.
+            if walk.is_drained() && told.elapsed() >= TELL {
+                told = Instant::now();
+                surveyor.tell(shared, walk.world.frames());
+            }
+            match walk.peek() {
+                Ok(Some(frame)) => surveyor.frame(frame),
+                // A notice: time may have gone on without a frame.
+                Ok(None) => surveyor.advance(walk.world.buses()),
+                Err(_) => {}
             }
             match walk.step(&mut |told: Told<'_>| surveyor.event(&told)) {
                 Ok(true) => {}
@@ -162,9 +180,17 @@ struct Surveyor {
     statistics: Statistics,
     kept: (usize, usize, usize),
     more_exchanges: u64,
+    bit_rate_change: Option<(String, String)>,
 }
 
 impl Surveyor {
+    /// Lets time go on to where the buses are.
+    fn advance(&mut self, buses: &[Bus]) {
+        for bus in buses {
+            self.engine.advance(bus, &mut |_: &Event, _: &Bus| ());
+        }
+    }
+
     fn new(setup: &Arc<Setup>) -> Self {
         Self {
             engine: Engine::new(Arc::clone(setup)),
@@ -175,6 +201,7 @@ impl Surveyor {
             statistics: Statistics::default(),
             kept: (0, 0, 0),
             more_exchanges: 0,
+            bit_rate_change: None,
         }
     }
 
@@ -203,6 +230,9 @@ impl Surveyor {
             }
         };
         self.engine.event(told.event, told.bus, &mut opened);
+        if let Some(change) = bit_rate_change(told.event) {
+            self.bit_rate_change = Some((escape(told.bus.name()).into_owned(), escape(change).into_owned()));
+        }
         if is_error(told.event) && self.kept.1 < MOST_ERRORS {
             self.kept.1 += 1;
             self.errors.push(told.spot);
@@ -230,6 +260,7 @@ impl Surveyor {
         survey.exchanges.append(&mut self.exchanges);
         survey.errors.append(&mut self.errors);
         survey.more_exchanges = self.more_exchanges;
+        survey.bit_rate_change.clone_from(&self.bit_rate_change);
         survey.load.clone_from(&self.load);
         survey.statistics.clone_from(&self.statistics);
     }
@@ -251,6 +282,14 @@ impl Surveyor {
         survey.places = places;
         survey.findings = Some(findings);
         survey.buses = names;
+    }
+}
+
+/// What is to become of the bit rate, where an event announces it.
+pub fn bit_rate_change(event: &Event) -> Option<&str> {
+    match &event.kind {
+        EventKind::Procedure(procedure) if procedure.procedure == BIT_RATE_CHANGE => Some(&procedure.text),
+        _ => None,
     }
 }
 

@@ -19,8 +19,11 @@ pub(super) struct Walk {
 }
 
 impl Walk {
-    /// From the beginning.
+    /// From the beginning, or from the first place that is kept.
     pub(super) fn start(shared: &Shared) -> Result<Self, CaptureError> {
+        if let Some(mark) = shared.first_kept() {
+            return Self::resume(shared, &mark);
+        }
         Ok(Self::new(shared.open()?, World::new(shared.options.clone())))
     }
 
@@ -90,11 +93,16 @@ impl Walk {
         self.batch.frames().last().map_or(u64::MAX, |frame| frame.number)
     }
 
+    /// Whether going on means reading.
+    pub(super) fn is_drained(&self) -> bool {
+        self.frames >= self.batch.frames().len() && self.notices >= self.batch.notices().len()
+    }
+
     fn fill(&mut self) -> Result<bool, CaptureError> {
         if self.has_ended {
             return Ok(false);
         }
-        if self.frames < self.batch.frames().len() || self.notices < self.batch.notices().len() {
+        if !self.is_drained() {
             return Ok(true);
         }
         (self.frames, self.notices) = (0, 0);
@@ -103,9 +111,7 @@ impl Walk {
 
     /// This place as a mark, where no part of a batch is left.
     pub(super) fn mark(&self) -> Option<Mark> {
-        let is_between =
-            self.frames >= self.batch.frames().len() && self.notices >= self.batch.notices().len();
-        is_between.then(|| Mark {
+        self.is_drained().then(|| Mark {
             frames: self.world.frames(),
             time: self.world.time(),
             position: self.reader.position(),

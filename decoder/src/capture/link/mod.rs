@@ -18,6 +18,7 @@ mod channel;
 mod socketcan;
 
 pub(super) use channel::{Channel, Head, Output};
+pub use socketcan::kernel_frame;
 pub(super) use socketcan::{IdOrder, common};
 
 use super::byte_order::ByteOrder;

@@ -43,12 +43,13 @@ pub(in crate::capture) struct IdOrder {
     is_little: bool,
     defined_little: bool,
     is_said: bool,
+    is_fixed: bool,
 }
 
 impl IdOrder {
     pub(super) fn new(defined: ByteOrder) -> Self {
         let is_little = defined == ByteOrder::Little;
-        Self { is_little, defined_little: is_little, is_said: false }
+        Self { is_little, defined_little: is_little, is_said: false, is_fixed: false }
     }
 
     #[inline]
@@ -59,7 +60,7 @@ impl IdOrder {
     /// The identifier, in the order that makes it one.
     fn decide(&mut self, bytes: [u8; 4]) -> u32 {
         let word = self.word(bytes);
-        if is_plausible(word) || !is_plausible(word.swap_bytes()) {
+        if self.is_fixed || is_plausible(word) || !is_plausible(word.swap_bytes()) {
             return word;
         }
         self.is_little = !self.is_little;
@@ -141,6 +142,19 @@ pub(in crate::capture) fn common(window: &[u8; 16], captured: u32, order: IdOrde
     true
 }
 
+/// A frame as a CAN socket of this computer gives it: `struct can_frame` or `struct canfd_frame` (linux/can.h).
+///
+/// # Errors
+/// What was found and what was expected, where the bytes are no frame.
+pub fn kernel_frame(bytes: &[u8]) -> Result<Frame, String> {
+    let own = if cfg!(target_endian = "little") { ByteOrder::Little } else { ByteOrder::Big };
+    let mut frame = Frame::EMPTY;
+    // The order is known, so it is never doubted.
+    let mut order = IdOrder { is_fixed: true, ..IdOrder::new(own) };
+    self::frame(bytes, Kind::Unsaid, &mut order, &mut frame).map_err(|bad| bad.to_string())?;
+    Ok(frame)
+}
+
 /// Any frame: identifier, flags, length and data are written to `slot`.
 pub(super) fn frame(packet: &[u8], kind: Kind, order: &mut IdOrder, slot: &mut Frame) -> Result<(), Bad> {
     let Some(&[i0, i1, i2, i3, length, bits, reserved, raw_dlc]) = packet.first_chunk() else {
@@ -204,6 +218,25 @@ mod tests {
     fn read(packet: &[u8], kind: Kind) -> Result<String, Bad> {
         let mut slot = Frame::EMPTY;
         frame(packet, kind, &mut IdOrder::new(ByteOrder::Big), &mut slot).map(|()| format!("{slot:?}"))
+    }
+
+    #[test]
+    fn frames_of_the_kernel_are_in_the_order_of_this_computer() {
+        let mut bytes = [0u8; 16];
+        bytes[..4].copy_from_slice(&0x581u32.to_ne_bytes());
+        bytes[4..11].copy_from_slice(&[3, 0, 0, 0, 1, 2, 3]);
+        assert_eq!(format!("{:?}", kernel_frame(&bytes).unwrap()), "{0} bus0 581#010203 flags=00 dlc=0");
+        bytes[..4].copy_from_slice(&0x98FE_F180u32.to_ne_bytes());
+        assert_eq!(format!("{:?}", kernel_frame(&bytes).unwrap()), "{0} bus0 18FEF180#010203 flags=00 dlc=0");
+        bytes[4] = 9;
+        assert!(kernel_frame(&bytes).is_err());
+        assert!(kernel_frame(&bytes[..7]).is_err());
+        // A structure of 72 bytes is CAN FD: 64 bytes, bit rate switched.
+        let mut long = [0x55u8; 72];
+        long[..4].copy_from_slice(&0x123u32.to_ne_bytes());
+        long[4..8].copy_from_slice(&[64, 1, 0, 0]);
+        let frame = kernel_frame(&long).unwrap();
+        assert_eq!((frame.data().len(), frame.flags), (64, FrameFlags::FD.with(FrameFlags::BIT_RATE_SWITCH)));
     }
 
     #[test]

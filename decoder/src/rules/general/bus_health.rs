@@ -12,7 +12,8 @@ declare_rule! {
     /// # What it checks
     /// Error frames are more than a share of all frames, or more than so many in a second. The controller of the
     /// recorder is error passive or bus-off. With the bit rate of the bus file: the bus is busy for more than a share of
-    /// a second. Where the recorder notes no error frames, their absence says nothing.
+    /// a second. A second of error frames and nothing else asks for the bit rate. Where the recorder notes no error
+    /// frames, their absence says nothing.
     ///
     /// # Why it matters
     /// A disturbed frame is sent again, so things come late; a controller that sees too many errors leaves the bus.
@@ -37,6 +38,9 @@ declare_rule! {
         tolerance("load-error-percent", 80.0, "%", "of the bit rate in a second, an error"),
     ],
 }
+
+/// Error frames in a second that are enough to ask for the bit rate where nothing else comes.
+const ONLY_ERRORS: u64 = 5;
 
 /// Frames from which on a share of them says something.
 const JUDGED: u64 = 1_000;
@@ -95,8 +99,12 @@ impl BusHealth {
     fn judge(&self, second: &Second, context: &mut Context<'_>) {
         #[expect(clippy::cast_precision_loss, reason = "frames of a second")]
         let errors = second.errors as f64;
-        if errors > self.in_second {
-            let about = About::Name(Arc::clone(&self.errors));
+        let about = About::Name(Arc::clone(&self.errors));
+        if second.count >= ONLY_ERRORS && second.errors == second.count {
+            let alarm =
+                context.fail_at(context.now, None, second.frames).about(about).measure(errors).certain();
+            alarm.say(|| format!("{errors} error frames in a second and nothing else: wrong bit rate?"));
+        } else if errors > self.in_second {
             let alarm = context.fail_at(context.now, None, second.frames).about(about);
             let limit = self.in_second;
             let alarm = alarm.severity(Severity::Warning).measure(errors).certain();

@@ -23,7 +23,7 @@ use ratatui::style::Style;
 
 use self::rows::{Facts, Item, facts, group, items};
 use super::Pane;
-use super::common::{ahead, bus_name, divider, has_buses, node_filter, severity_role, time};
+use super::common::{ahead, bus_name, divider, has_buses, move_in, node_filter, severity_role, time};
 use crate::app::{Action, Core, Effect, PaneId, Place};
 use crate::theme::Role;
 use crate::timeline::Survey;
@@ -145,15 +145,7 @@ impl Findings {
     fn moves(&mut self, action: Action, core: &Core, survey: &Survey) {
         let (len, height) = (self.rows.len(), self.height(core, survey));
         self.table.selected = self.at(&self.rows);
-        match action {
-            Action::Down => self.table.move_by(1, len),
-            Action::Up => self.table.move_by(-1, len),
-            Action::PageDown => self.table.page(1, height, len),
-            Action::PageUp => self.table.page(-1, height, len),
-            Action::Top => self.table.home(),
-            _ => self.table.end(len),
-        }
-        self.table.settle(height, len);
+        move_in(&mut self.table, action, height, len);
         self.selected = self.rows.get(self.table.selected).map(|item| item.id);
     }
 

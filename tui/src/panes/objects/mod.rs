@@ -18,6 +18,7 @@ use ratatui::style::Style;
 use ratatui::text::Line;
 
 use super::Pane;
+use super::common::move_in;
 use crate::app::{Action, Core, Effect, NodeKey, Place};
 use crate::theme::Role;
 use crate::widgets::draw;
@@ -74,15 +75,14 @@ impl Objects {
         rows
     }
 
-    fn act_on(&mut self, core: &Core, change: impl FnOnce(&mut TableState, usize, usize)) {
+    fn go(&mut self, core: &Core, action: Action) {
         let Some(subject) = Subject::of(core) else { return };
         let rows = self.rows(&subject);
         let len = rows.len();
         self.state = self.state(&rows);
         let [_, table, _] = layout(Rect::new(0, 0, 80, core.height));
         let height = Table::height(table);
-        change(&mut self.state, height, len);
-        self.state.settle(height, len);
+        move_in(&mut self.state, action, height, len);
         self.object = rows.get(self.state.selected).map(Known::address);
     }
 
@@ -168,12 +168,9 @@ impl Pane for Objects {
 
     fn act(&mut self, action: Action, core: &Core) -> Vec<Effect> {
         match action {
-            Action::Down => self.act_on(core, |state, _, len| state.move_by(1, len)),
-            Action::Up => self.act_on(core, |state, _, len| state.move_by(-1, len)),
-            Action::PageDown => self.act_on(core, |state, height, len| state.page(1, height, len)),
-            Action::PageUp => self.act_on(core, |state, height, len| state.page(-1, height, len)),
-            Action::Top => self.act_on(core, |state, _, _| state.home()),
-            Action::Bottom => self.act_on(core, |state, _, len| state.end(len)),
+            Action::Down | Action::Up | Action::PageDown | Action::PageUp | Action::Top | Action::Bottom => {
+                self.go(core, action)
+            }
             Action::Left => self.state.move_column(-1, columns().len()),
             Action::Right => self.state.move_column(1, columns().len()),
             Action::Sort => self.state.cycle_sort(),

@@ -9,10 +9,23 @@
 //! A source tells of its buses what a recorder knows: frames, links that open and close, frames that were lost.
 //! Where it is gone it comes back by itself.
 
+mod gather;
+#[cfg(all(target_os = "linux", feature = "socketcan"))]
+pub mod socketcan;
+#[cfg(not(all(target_os = "linux", feature = "socketcan")))]
+#[path = "no_socketcan.rs"]
+pub mod socketcan;
+mod spec;
+mod state;
+
 use std::time::Duration;
 
 use cobscope_decoder::capture::{BusNames, Notice};
 use cobscope_decoder::frame::{Frame, LinkState};
+
+pub use gather::Gather;
+pub use spec::SourceSpec;
+pub use state::{Live, LiveState};
 
 /// What came of a source.
 #[derive(Debug, Clone)]
@@ -54,6 +67,19 @@ pub enum Stamps {
     Arrival,
     /// They stand in what is read.
     Recorded,
+}
+
+impl Stamps {
+    /// Whose clock; nothing where the stamps are those of what is read.
+    pub const fn whose(self) -> Option<&'static str> {
+        match self {
+            Self::Hardware => Some("the controller"),
+            Self::Kernel => Some("the kernel"),
+            Self::Adapter => Some("the adapter"),
+            Self::Arrival => Some("arrival"),
+            Self::Recorded => None,
+        }
+    }
 }
 
 /// What is known of a bus besides its frames.

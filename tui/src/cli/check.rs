@@ -1,0 +1,78 @@
+//! `cobscope check`.
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+
+use super::{Color, InputArgs};
+
+/// `cobscope check`.
+#[derive(Debug, Args)]
+pub struct CheckArgs {
+    #[command(flatten)]
+    pub input: InputArgs,
+    /// Output format
+    #[arg(short, long, value_name = "FORMAT", default_value = "text")]
+    pub format: FindingFormat,
+    /// Write to FILE instead of standard output
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Findings from which on the exit status is 1
+    #[arg(long, value_name = "SEVERITY", default_value = "error")]
+    pub fail_on: FailOn,
+    /// Findings that are known and accepted: only others, and worse ones, fail (JSON, see --update-baseline)
+    #[arg(long, value_name = "FILE")]
+    pub baseline: Option<PathBuf>,
+    /// Write what is found now to the file of --baseline, instead of comparing with it
+    #[arg(long, requires = "baseline")]
+    pub update_baseline: bool,
+    /// Fail if one of these rules had nothing to judge in any capture
+    #[arg(long, value_name = "RULE", value_delimiter = ',')]
+    pub require_exercised: Vec<String>,
+    /// Show how often each rule, and each case of CiA's conformance test plan, was judged (text; jsonl always
+    /// says it)
+    #[arg(long)]
+    pub coverage: bool,
+    /// Show every occurrence that was kept, and what is suppressed or accepted (text)
+    #[arg(short, long)]
+    pub verbose: bool,
+    /// Captures judged at the same time; the output is the same (default: as many as there are processors)
+    #[arg(long, value_name = "N")]
+    pub threads: Option<NonZeroUsize>,
+    /// Day on which suppressions of the bus file may have run out (default: today)
+    #[arg(long, value_name = "DATE")]
+    pub today: Option<jiff::civil::Date>,
+    /// Use the profiles in $XDG_CONFIG_HOME/cobscope/profiles too; without, every machine judges alike
+    #[arg(long)]
+    pub user_profiles: bool,
+    /// Colours: auto uses them on a terminal unless NO_COLOR is set
+    #[arg(long, value_name = "WHEN", default_value = "auto")]
+    pub color: Color,
+}
+
+/// Formats of findings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum FindingFormat {
+    /// Lines and a table for people
+    Text,
+    /// One JSON object a finding and a capture, and a total (docs/check.schema.json)
+    Jsonl,
+    /// JUnit XML: a suite a capture, a case a rule
+    Junit,
+    /// SARIF 2.1.0 for code scanning
+    Sarif,
+    /// Commands of GitHub Actions: notes beside the lines of captures
+    Github,
+}
+
+/// Findings that make `check` fail.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum FailOn {
+    /// Errors
+    Error,
+    /// Errors and warnings
+    Warning,
+    /// None
+    Never,
+}

@@ -1,0 +1,153 @@
+//! What is read, how it is understood, and what of it is wanted.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use cobscope_decoder::query::Filter;
+use cobscope_decoder::wire::NodeId;
+
+use crate::select::Bound;
+
+/// How captures are read and understood.
+#[derive(Debug, Args)]
+pub struct InputArgs {
+    /// Captures to read; `-` is standard input
+    #[arg(value_name = "CAPTURE")]
+    pub captures: Vec<PathBuf>,
+    /// What ambiguous time stamps in candump text mean (default: found out from the first 1,000 lines)
+    #[arg(long, value_name = "STYLE")]
+    pub time: Option<StampStyle>,
+    /// What is known of the buses: names of nodes, identifiers, bit rates, object values (TOML)
+    #[arg(long, value_name = "FILE")]
+    pub bus: Option<PathBuf>,
+    /// What a node is: 2=rexroth-sydfec, can0:5=my-device, at a J1939 address sa:0x80=danfoss-pve-ci (repeatable)
+    #[arg(long, value_name = "[BUS:]ID=PROFILE")]
+    pub node: Vec<NodeArg>,
+    /// Device file of a node, EDS, DCF, XDD or XDC: 5=pump.eds, can0:5=pump.dcf (repeatable)
+    #[arg(long, value_name = "[BUS:]ID=FILE")]
+    pub eds: Vec<FileArg>,
+    /// Signals of messages that no profile knows: a DBC, or the JSON of pretty_j1939 (repeatable, the first counts)
+    #[arg(long, value_name = "FILE")]
+    pub dbc: Vec<PathBuf>,
+    /// Folder with profiles and device files of your own (repeatable)
+    #[arg(long, value_name = "DIR")]
+    pub profiles: Vec<PathBuf>,
+    /// What the traffic is taken for
+    #[arg(long, value_name = "PROTOCOL", default_value = "auto")]
+    pub protocol: Protocol,
+    /// Seconds without a further frame after which an SDO transfer counts as unanswered
+    #[arg(long, value_name = "SECONDS", default_value = "1", value_parser = positive_seconds)]
+    pub sdo_timeout: f64,
+}
+
+/// Help of `--filter`.
+pub(super) const FILTER_HELP: &str = "\
+Print only events that EXPR matches
+
+The grammar is that of Wireshark's display filters: == != < <= > >=, in {}, contains, matches, && || ! (), \
+or in words eq ne lt le gt ge and or not. A field alone asks whether the event has it. Fields are the keys of \
+-f jsonl, nested ones with a dot, and many of Wireshark's names. A comparison with a field the event does not \
+have is false. The filter chooses among what is printed anyway; see --all, --pdo and --frames.
+
+  --filter 'kind == emcy && node == 4'
+  --filter 'canopen.sdo.abort_code == 0x06090011 || outcome == timeout'
+  --filter 'object in {1800:01..1BFF:02} && direction == download'";
+
+/// Which events are printed. All of a capture is understood either way.
+#[derive(Debug, Default, Args)]
+pub struct SelectArgs {
+    /// Print only events that EXPR matches, such as 'kind == emcy && node == 4'
+    #[arg(long, value_name = "EXPR", long_help = FILTER_HELP)]
+    pub filter: Option<Filter>,
+    /// Print only events from WHEN on: 12.5 (seconds from the first frame), #1234 (frame), a date and time
+    #[arg(long, value_name = "WHEN")]
+    pub from: Option<Bound>,
+    /// Print only events up to WHEN, given as with --from; dates as 2024-01-31T12:00:00Z
+    #[arg(long, value_name = "WHEN")]
+    pub to: Option<Bound>,
+}
+
+/// A node, with its bus if that matters, and what it is: `5`, `can0:5`, `sa:0x80`, `5=rexroth-sydfec`.
+#[derive(Debug, Clone)]
+pub struct NodeArg {
+    /// Name of the bus.
+    pub bus: Option<String>,
+    /// Node-ID or J1939 address.
+    pub id: NodeId,
+    /// Profile and variant; without one the node is only chosen.
+    pub profile: Option<String>,
+}
+
+impl std::str::FromStr for NodeArg {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let (node, profile) = match text.split_once('=') {
+            Some((node, profile)) => (node, Some(profile.to_owned())),
+            None => (text, None),
+        };
+        // The whole may be sa:0x80; a bus of that name would be sa:sa:0x80.
+        if let Ok(id) = node.parse() {
+            return Ok(Self { bus: None, id, profile });
+        }
+        let placed = node.split_once(':').and_then(|(bus, id)| Some((bus, id.parse().ok()?)));
+        match placed {
+            Some((bus, id)) => Ok(Self { bus: Some(bus.to_owned()), id, profile }),
+            None => Err(
+                "expected a node-ID, 1 to 127, or a J1939 address: 5, 0x05, can0:5, sa:0x80, can0:sa:0x80",
+            ),
+        }
+    }
+}
+
+/// A device file of a node: `5=pump.eds`, `can0:5=pump.dcf`.
+#[derive(Debug, Clone)]
+pub struct FileArg {
+    /// The node.
+    pub node: NodeArg,
+    /// The file.
+    pub file: PathBuf,
+}
+
+impl std::str::FromStr for FileArg {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        match text.split_once('=') {
+            Some((node, file)) if !file.is_empty() => Ok(Self { node: node.parse()?, file: file.into() }),
+            _ => Err("expected a node-ID and a file, as 5=pump.eds or can0:5=pump.dcf"),
+        }
+    }
+}
+
+/// Meaning of candump's relative stamps.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum StampStyle {
+    /// Each stamp stands for itself (candump -t a, -t z, -l)
+    #[value(name = "a", aliases = ["z", "absolute", "zero"])]
+    Absolute,
+    /// Each stamp is the time since the line before (candump -t d)
+    #[value(name = "d", alias = "delta")]
+    Delta,
+}
+
+/// What traffic is taken for.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum Protocol {
+    /// By evidence
+    Auto,
+    /// Identifiers of 11 bits are CANopen, whatever the evidence
+    Canopen,
+    /// Identifiers of 29 bits are J1939, whatever the evidence
+    J1939,
+    /// No protocol: frames only
+    None,
+}
+
+/// A number of seconds above 0.
+fn positive_seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if seconds > 0.0 && seconds.is_finite() => Ok(seconds),
+        _ => Err("expected a number of seconds above 0".into()),
+    }
+}

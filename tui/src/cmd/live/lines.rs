@@ -1,0 +1,298 @@
+//! Live buses as lines, and judged.
+
+use std::io::Write as _;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use cobscope_decoder::capture::BusNames;
+use cobscope_decoder::decoder::Decoder;
+use cobscope_decoder::event::{Event, EventKind};
+use cobscope_decoder::finding::Severity;
+use cobscope_decoder::frame::{Frame, Timestamp};
+use cobscope_decoder::rules::{Engine, Judge, Setup};
+use cobscope_decoder::session::{Bus, Observer};
+use cobscope_decoder::sink::escape;
+use cobscope_decoder::sink::findings::text::{self, TextOptions};
+use cobscope_decoder::sink::findings::{Judged, Report, jsonl};
+
+use super::pump::{Came, Pump};
+use super::{Refusal, is_down, open, recorder, shown};
+use crate::cli::{FailOn, Format, LiveArgs};
+use crate::cmd::input::{session_options, setup};
+use crate::cmd::is_colored;
+use crate::cmd::print::Printer;
+use crate::exit_code::Exit;
+use crate::source::live::{Arrival, Live, SourceSpec, socketcan};
+use crate::timeline::bit_rate_change;
+
+/// How long nothing is waited for at most.
+const WAIT: Duration = Duration::from_millis(50);
+
+/// Watches until it is told to end.
+pub(super) fn run(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> Result<Exit, Refusal> {
+    let today = jiff::Zoned::now().date().to_string();
+    let ready = session_options(&arguments.input).and_then(|options| {
+        let setup = setup(&arguments.input, &options.catalogue, Some(today))?;
+        Ok((options, Arc::new(setup)))
+    });
+    let (options, setup) = ready.map_err(|error| (Exit::Profile, error))?;
+    let printer = Printer::new(&arguments.lines, &arguments.select).map_err(|error| (Exit::Usage, error))?;
+    let interrupted = interrupted().map_err(|error| (Exit::Capture, error))?;
+    let sources = open(arguments, specs).map_err(|error| (Exit::Capture, error))?;
+    let recorder = recorder(arguments).map_err(|error| (Exit::Usage, error))?;
+    let (pump, inbox) = Pump::start(sources, recorder).map_err(|error| (Exit::Capture, error))?;
+    greet(&pump.state.get());
+    let mut watch = Watch {
+        decoder: Decoder::new(options),
+        looker: Looker::new(arguments, &setup, printer),
+        names: BusNames::default(),
+        frames: 0,
+        first: None,
+        last: None,
+    };
+    watch.run(arguments, &inbox, &interrupted);
+    drop(inbox);
+    let state = pump.state.clone();
+    let recorded = pump.finish();
+    let live = state.get().clone();
+    let exit = watch.finish(arguments, &live);
+    for bus in &live.buses {
+        say(&format!("{}; {} lost", shown(bus), plural(bus.lost)));
+    }
+    if let Some(recorded) = &recorded {
+        say(&format!("recorded {recorded}"));
+        recorded.remarks().iter().for_each(|remark| say(remark));
+    }
+    if let Some(failure) = &live.failure {
+        say(failure);
+        return Ok(exit.max(Exit::Capture));
+    }
+    Ok(exit)
+}
+
+/// Says what is watched, and that it is only watched.
+fn greet(live: &Live) {
+    for bus in &live.buses {
+        if is_down(bus) {
+            say(&socketcan::how_to_bring_up(&bus.name, bus.bit_rate));
+        } else {
+            say(&format!("{}; listening only, nothing is transmitted", shown(bus)));
+        }
+    }
+    if let Some(record) = &live.record {
+        say(&format!("recording to {}", record.path.display()));
+    }
+}
+
+fn say(text: &str) {
+    let _ = writeln!(std::io::stderr(), "cobscope: {}", escape(text));
+}
+
+fn plural(count: u64) -> String {
+    if count == 1 { "1 frame".into() } else { format!("{count} frames") }
+}
+
+/// Becomes true when the program is told to end, by Ctrl-C or otherwise.
+fn interrupted() -> anyhow::Result<Arc<AtomicBool>> {
+    let flag = Arc::new(AtomicBool::new(false));
+    #[cfg(unix)]
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM, signal_hook::consts::SIGHUP] {
+        // Told twice, it ends at once.
+        signal_hook::flag::register_conditional_default(signal, Arc::clone(&flag))
+            .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&flag)))
+            .context("signals cannot be minded")?;
+    }
+    Ok(flag)
+}
+
+/// What is known of what came so far.
+struct Watch {
+    decoder: Decoder,
+    looker: Looker,
+    names: BusNames,
+    frames: u64,
+    first: Option<Timestamp>,
+    last: Option<Timestamp>,
+}
+
+impl Watch {
+    /// Takes what comes until there is a reason to end.
+    fn run(&mut self, arguments: &LiveArgs, inbox: &Receiver<Came>, interrupted: &AtomicBool) {
+        let most = arguments.frames_wanted.unwrap_or(u64::MAX);
+        let patience = arguments.timeout.map(Duration::from_millis);
+        let mut heard = Instant::now();
+        while !interrupted.load(Ordering::Relaxed) && self.frames < most && !self.looker.is_done() {
+            match inbox.recv_timeout(WAIT) {
+                Ok(came) => {
+                    if came.items.iter().any(|item| matches!(item, Arrival::Frame(_))) {
+                        heard = Instant::now();
+                    }
+                    self.take(came, most);
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return,
+            }
+            if patience.is_some_and(|patience| heard.elapsed() >= patience) {
+                return;
+            }
+        }
+    }
+
+    fn take(&mut self, Came { names, items }: Came, most: u64) {
+        self.names = names;
+        for item in items {
+            match item {
+                Arrival::Frame(frame) if self.frames < most => self.frame(&frame),
+                Arrival::Frame(_) => break,
+                Arrival::Notice(notice) => {
+                    self.decoder.notice(&notice, &self.names, &mut self.looker);
+                    self.looker.advance(self.decoder.buses());
+                }
+            }
+        }
+        // Who reads the lines wants them now.
+        self.looker.flush();
+    }
+
+    fn frame(&mut self, frame: &Frame) {
+        self.frames += 1;
+        let frame = Frame { number: self.frames, ..*frame };
+        if self.first.is_none() {
+            self.first = frame.time;
+            self.looker.begin(&frame);
+        }
+        self.last = frame.time.or(self.last);
+        if let Some(engine) = &mut self.looker.engine {
+            engine.frame(&frame);
+        }
+        self.decoder.push(&frame, &self.names, &mut self.looker);
+    }
+
+    /// Closes what is open, and says what came of the rules.
+    fn finish(mut self, arguments: &LiveArgs, live: &Live) -> Exit {
+        self.decoder.finish(&self.names, &mut self.looker);
+        let Looker { engine, mut printer, .. } = self.looker;
+        let Some(engine) = engine else {
+            // A closed pipe is no failure.
+            let _ = printer.flush();
+            return Exit::Clean;
+        };
+        let findings = engine.finish(self.decoder.buses(), &mut printer);
+        let _ = printer.flush();
+        if !arguments.check {
+            return Exit::Clean;
+        }
+        let names: Vec<&str> = live.buses.iter().map(|bus| bus.name.as_str()).collect();
+        let capture = names.join(" ");
+        let (frames, first, last) = (self.frames, self.first, self.last);
+        let judged = Judged { capture, frames, first, last, findings, ..Judged::default() };
+        let report = Report { captures: vec![judged], least: least(arguments), ..Report::default() };
+        let mut verdict = String::new();
+        if arguments.lines.format == Format::Jsonl {
+            jsonl::write(&report, &mut verdict);
+        } else {
+            let color = is_colored(arguments.lines.color, arguments.lines.output.is_some());
+            let options = TextOptions { color, verbose: arguments.lines.verbose, coverage: false };
+            text::write(&report, options, &mut verdict);
+        }
+        let _ = std::io::stdout().write_all(verdict.as_bytes());
+        if report.fails() { Exit::Findings } else { Exit::Clean }
+    }
+}
+
+fn least(arguments: &LiveArgs) -> Option<Severity> {
+    match arguments.fail_on {
+        FailOn::Error => Some(Severity::Error),
+        FailOn::Warning => Some(Severity::Warning),
+        FailOn::Never => None,
+    }
+}
+
+/// Judges and prints.
+struct Looker {
+    engine: Option<Engine>,
+    printer: Printer,
+    /// Prints what was found only.
+    only_findings: bool,
+    /// How bad a finding must be to end.
+    ends_at: Option<Severity>,
+    has_found: bool,
+}
+
+impl Looker {
+    fn new(arguments: &LiveArgs, setup: &Arc<Setup>, printer: Printer) -> Self {
+        let judges =
+            arguments.check || (!arguments.lines.no_findings && arguments.lines.format != Format::None);
+        Self {
+            engine: judges.then(|| Engine::new(Arc::clone(setup))),
+            printer,
+            only_findings: arguments.check && !arguments.print,
+            ends_at: least(arguments).filter(|_| arguments.until_finding),
+            has_found: false,
+        }
+    }
+
+    fn is_done(&self) -> bool {
+        self.printer.is_done() || (self.has_found && self.ends_at.is_some())
+    }
+
+    /// Lets the rules see how far time has gone on without a frame.
+    fn advance(&mut self, buses: &[Bus]) {
+        let Self { engine, printer, only_findings, ends_at, has_found } = self;
+        let mut out = Out { printer, only_findings: *only_findings, ends_at: *ends_at, has_found };
+        for bus in buses {
+            if let Some(engine) = engine {
+                engine.advance(bus, &mut out);
+            }
+        }
+    }
+
+    fn begin(&mut self, first: &Frame) {
+        // A live bus has times, so nothing can be wrong with a selection by time.
+        let _ = self.printer.begin(first);
+    }
+
+    fn flush(&mut self) {
+        let _ = self.printer.flush();
+    }
+}
+
+/// Passes events on to the printer, and minds findings.
+struct Out<'a> {
+    printer: &'a mut Printer,
+    only_findings: bool,
+    ends_at: Option<Severity>,
+    has_found: &'a mut bool,
+}
+
+impl Observer for Out<'_> {
+    fn event(&mut self, event: &Event, bus: &Bus) {
+        if let EventKind::FindingOpened(finding) = &event.kind {
+            *self.has_found |= self.ends_at.is_some_and(|least| finding.severity >= least);
+        }
+        if let Some(change) = bit_rate_change(event) {
+            let name = bus.name();
+            say(&format!(
+                "{name}: {change}: set this interface too: ip link set {name} down, then up type can bitrate …"
+            ));
+        }
+        let is_finding = matches!(event.kind, EventKind::FindingOpened(_) | EventKind::FindingClosed(_));
+        if is_finding || !self.only_findings {
+            self.printer.event(event, bus);
+        }
+    }
+}
+
+impl Observer for Looker {
+    fn event(&mut self, event: &Event, bus: &Bus) {
+        let Self { engine, printer, only_findings, ends_at, has_found } = self;
+        let mut out = Out { printer, only_findings: *only_findings, ends_at: *ends_at, has_found };
+        match engine {
+            Some(engine) => Judge { engine, out: &mut out }.event(event, bus),
+            None => out.event(event, bus),
+        }
+    }
+}

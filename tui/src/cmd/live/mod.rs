@@ -1,0 +1,122 @@
+//! `cobscope live`: buses as they are now.
+
+mod lines;
+mod pump;
+mod screen;
+
+use std::io::{IsTerminal as _, Write as _};
+use std::path::Path;
+
+use anyhow::{Context as _, bail};
+use cobscope_decoder::frame::LinkState;
+use cobscope_decoder::sink::escape;
+
+use super::complain;
+use super::input::read_options;
+use crate::cli::LiveArgs;
+use crate::exit_code::Exit;
+use crate::record::{RecordOptions, Recorder};
+use crate::source::live::{BusStatus, Source, SourceSpec, socketcan};
+
+/// Runs the command.
+pub fn run(arguments: &LiveArgs) -> Exit {
+    if arguments.input.captures.is_empty() {
+        return list();
+    }
+    let wants_lines = arguments.print || arguments.check;
+    if !wants_lines && !std::io::stdout().is_terminal() {
+        complain(&anyhow::anyhow!("standard output is no terminal; for lines use --print"));
+        return Exit::Usage;
+    }
+    let specs = match specs(arguments) {
+        Ok(specs) => specs,
+        Err(error) => {
+            complain(&error);
+            return Exit::Usage;
+        }
+    };
+    let opened = if wants_lines { lines::run(arguments, specs) } else { screen::run(arguments, specs) };
+    opened.unwrap_or_else(|(exit, error)| {
+        complain(&error);
+        exit
+    })
+}
+
+/// What went wrong before anything was watched.
+type Refusal = (Exit, anyhow::Error);
+
+/// Says which interfaces there are.
+fn list() -> Exit {
+    let interfaces = socketcan::all();
+    let mut out = std::io::stdout();
+    let mut text = String::new();
+    for status in &interfaces {
+        text.push_str(&format!("{}\n", shown(status)));
+    }
+    let hint = if interfaces.is_empty() {
+        "no CAN interface on this computer; "
+    } else {
+        "cobscope live NAME watches one of them, any watches all; "
+    };
+    // A closed pipe is no failure.
+    let _ = out.write_all(text.as_bytes());
+    let _ = writeln!(
+        std::io::stderr(),
+        "cobscope: {hint}serial adapters are slcan:/dev/ttyACM0@500000, servers socketcand://HOST/can0, \
+         - is text on standard input"
+    );
+    if interfaces.is_empty() { Exit::Capture } else { Exit::Clean }
+}
+
+/// `can0: up, 250000 bit/s, error active`.
+fn shown(status: &BusStatus) -> String {
+    let rate = status.bit_rate.map_or(String::new(), |rate| format!(", {rate} bit/s"));
+    let controller = status.controller.as_ref().map_or(String::new(), |controller| format!(", {controller}"));
+    let stamps = status.stamps.whose().map_or(String::new(), |whose| format!(", stamps of {whose}"));
+    escape(&format!("{}: {}{rate}{controller}{stamps}", status.name, status.state.name())).into_owned()
+}
+
+fn specs(arguments: &LiveArgs) -> anyhow::Result<Vec<SourceSpec>> {
+    let spec = |path: &Path| -> anyhow::Result<SourceSpec> {
+        let name = path.to_str().with_context(|| format!("{}: is no name of a source", path.display()))?;
+        let spec = name.parse::<SourceSpec>().map_err(|error| anyhow::anyhow!("{name}: {error}"))?;
+        if matches!(spec, SourceSpec::File(_)) && !arguments.follow {
+            bail!("{name}: is a file; cobscope view {name} shows what is in it, --follow what is added too");
+        }
+        Ok(spec)
+    };
+    arguments.input.captures.iter().map(|path| spec(path)).collect()
+}
+
+/// Opens the sources. All CAN interfaces of this computer are one.
+fn open(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> anyhow::Result<Vec<Box<dyn Source>>> {
+    let read = read_options(&arguments.input);
+    let (mut sources, mut interfaces) = (Vec::new(), Vec::new());
+    for spec in specs {
+        match spec {
+            SourceSpec::SocketCan(spec) => interfaces.push(spec),
+            _ => bail!("not yet {read:?}"),
+        }
+    }
+    if !interfaces.is_empty() {
+        sources.push(socketcan::open(&interfaces)?);
+    }
+    Ok(sources)
+}
+
+/// The record, where one is wanted.
+fn recorder(arguments: &LiveArgs) -> anyhow::Result<Option<Recorder>> {
+    let Some(path) = &arguments.record else { return Ok(None) };
+    let options = RecordOptions {
+        path: Some(path.clone()),
+        max_bytes: arguments.record_size,
+        max_time: arguments.record_time,
+        files: arguments.record_files,
+    };
+    Recorder::open(&options, jiff::Zoned::now().datetime()).map(Some)
+}
+
+/// Whether an interface has to be brought up before anything comes.
+fn is_down(status: &BusStatus) -> bool {
+    status.state == LinkState::Down
+}

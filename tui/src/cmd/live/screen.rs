@@ -1,0 +1,119 @@
+//! Live buses in the terminal UI.
+
+use std::io::{BufWriter, IsTerminal as _, Write as _};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, channel};
+use std::thread::JoinHandle;
+
+use anyhow::{Context as _, ensure};
+use cobscope_decoder::capture::{FrameWriter, Notice, WRITABLE};
+use cobscope_decoder::frame::BusIndex;
+
+use super::pump::{Came, Pump};
+use super::{Refusal, open, recorder};
+use crate::app::{App, Start};
+use crate::cli::LiveArgs;
+use crate::cmd::input::{read_options, session_options, setup};
+use crate::cmd::view::{command, forward, theme};
+use crate::exit_code::Exit;
+use crate::source::live::{Arrival, SourceSpec};
+use crate::source::{Store, StoreWriter};
+use crate::terminal::{self, Screen};
+use crate::timeline::{Captures, LiveBuses, Timeline};
+
+/// Bytes written to the store at once.
+const PIECE: usize = 64 * 1024;
+
+/// The format the store is in: it has a place for all that is known.
+const FORMAT: &str = "pcapng";
+
+/// Watches until the user leaves.
+pub(super) fn run(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> Result<Exit, Refusal> {
+    let today = jiff::Zoned::now().date().to_string();
+    let ready = session_options(&arguments.input).and_then(|session| {
+        let rules = Arc::new(setup(&arguments.input, &session.catalogue, Some(today))?);
+        Ok((session, rules))
+    });
+    let (session, rules) = ready.map_err(|error| (Exit::Profile, error))?;
+    let has_stdin = specs.contains(&SourceSpec::Stdin);
+    let sources = open(arguments, specs).map_err(|error| (Exit::Capture, error))?;
+    let recorder = recorder(arguments).map_err(|error| (Exit::Usage, error))?;
+    let (pump, inbox) = Pump::start(sources, recorder).map_err(|error| (Exit::Capture, error))?;
+    let (store, writer) =
+        Store::live("live".into(), arguments.keep).map_err(|error| (Exit::Capture, error))?;
+    let spool = spool(inbox, writer).map_err(|error| (Exit::Capture, error))?;
+    let live = Some(LiveBuses { store, state: pump.state.clone() });
+    let read = read_options(&arguments.input);
+    let captures = Captures { paths: Vec::new(), align: false, read, session, rules, live };
+    let shown = show(arguments, captures, has_stdin);
+    let recorded = pump.finish();
+    // The pump's end is the spool's.
+    let _ = spool.join();
+    if let Some(recorded) = recorded {
+        for text in std::iter::once(format!("recorded {recorded}")).chain(recorded.remarks()) {
+            let _ = writeln!(std::io::stderr(), "cobscope: {text}");
+        }
+    }
+    shown.map(|()| Exit::Clean).map_err(|error| (Exit::Capture, error))
+}
+
+fn show(arguments: &LiveArgs, captures: Captures, has_stdin: bool) -> anyhow::Result<()> {
+    ensure!(
+        has_stdin || std::io::stdin().is_terminal(),
+        "standard input is no terminal, so there are no keys"
+    );
+    let (messages, inbox) = channel();
+    let (news, found) = channel();
+    let timeline = Timeline::open(captures, news)?;
+    forward(found, messages.clone())?;
+    let filter = arguments.select.filter.clone();
+    let start = Start {
+        command: command("live", std::env::args().skip(1)),
+        pane: arguments.screen.pane,
+        at: None,
+        filter: filter.map(|filter| (filter.to_string(), filter)),
+        all: arguments.lines.all,
+        follows: true,
+    };
+    let mut app = App::new(timeline, theme(&arguments.screen, arguments.lines.color), start);
+    let mut screen = Screen::take()?;
+    terminal::listen(messages)?;
+    terminal::run(&mut app, &mut screen, &inbox)
+}
+
+/// Writes what comes to the store.
+fn spool(inbox: Receiver<Came>, store: StoreWriter) -> anyhow::Result<JoinHandle<()>> {
+    let format = WRITABLE.iter().find(|format| format.name == FORMAT).context("no format for the store")?;
+    let thread = std::thread::Builder::new().name("spool".into());
+    let written = store.store();
+    let mut writer = (format.writer)(Box::new(BufWriter::with_capacity(PIECE, store)));
+    writer.flush().context("the temporary file cannot be written")?;
+    let run = move || {
+        let mut failure = None;
+        for Came { names, items } in inbox {
+            if let Err(error) = write(&mut *writer, names.names(), &items) {
+                failure = Some(format!("the temporary file cannot be written: {error}"));
+                break;
+            }
+        }
+        written.end(failure);
+    };
+    thread.spawn(run).context("no thread can be started")
+}
+
+fn write(writer: &mut dyn FrameWriter, names: &[String], items: &[Arrival]) -> std::io::Result<()> {
+    let name = |bus: BusIndex| names.get(usize::from(bus.0)).map_or("", String::as_str);
+    for item in items {
+        match item {
+            Arrival::Frame(frame) => writer.write(frame, name(frame.bus))?,
+            Arrival::Notice(notice) => {
+                let bus = match notice {
+                    Notice::LostFrames { bus, .. } | Notice::Link { bus, .. } => *bus,
+                    _ => BusIndex(0),
+                };
+                writer.notice(notice, name(bus))?;
+            }
+        }
+    }
+    writer.flush()
+}

@@ -1,0 +1,27 @@
+//! Which format a file is written in: the end of its name says it.
+
+use std::path::Path;
+
+use cobscope_decoder::capture::{WRITABLE, WritableFormat};
+
+/// The end of a file's name behind its last point; empty where it has none.
+pub fn suffix(path: &Path) -> &str {
+    path.extension().and_then(|suffix| suffix.to_str()).unwrap_or_default()
+}
+
+/// The format of captures that a file's name says.
+pub fn of(path: &Path) -> Option<&'static WritableFormat> {
+    let suffix = suffix(path);
+    WRITABLE.iter().find(|format| format.suffix == suffix)
+}
+
+/// Ends of names that say a format of captures, with its title.
+pub fn suffixes() -> impl Iterator<Item = (&'static str, &'static str)> {
+    WRITABLE.iter().map(|format| (format.suffix, format.title))
+}
+
+/// What to say of a name that says no format, given those there are.
+pub fn unknown(known: impl Iterator<Item = (&'static str, &'static str)>) -> String {
+    let known: Vec<_> = known.map(|(suffix, title)| format!(".{suffix} ({title})")).collect();
+    format!("the end of the name says the format: {}", known.join(", "))
+}

@@ -1,0 +1,297 @@
+//! The parts of a record, one after the other. No thread, no clock: both are the recorder's.
+//!
+//! ```text
+//! items ──▶ part ──full, over time──▶ next part
+//!            └─ fails: cut behind its last whole record ──▶ gap, counted ──a few seconds──▶ next part, tells of the gap
+//! ```
+//! Later parts begin with a frame, so that none is without one.
+
+use std::collections::VecDeque;
+use std::io::{self, ErrorKind};
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use cobscope_decoder::capture::WritableFormat;
+
+use super::disk::{Disk, PartFile};
+use super::item::{Gap, Item, What};
+use super::names::{Names, refusal};
+use super::part::{Part, Written};
+use super::status::{RecordFailure, RecordStatus, Unheld};
+
+/// Time between a failure and the next try.
+pub(super) const RETRY_AFTER: Duration = Duration::from_secs(5);
+
+/// Bytes held before they are written.
+const CHUNK: usize = 64 * 1024;
+
+/// Names that are taken by others which are passed by when a part begins.
+const TAKEN: u32 = 1_000;
+
+/// When a part is at its end, and how many are kept.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Limits {
+    pub bytes: u64,
+    pub time: Duration,
+    pub files: usize,
+}
+
+/// All parts of one record.
+pub(super) struct Parts {
+    disk: Box<dyn Disk>,
+    names: Names,
+    format: &'static WritableFormat,
+    limits: Limits,
+    /// None while nothing can be written.
+    part: Option<Part>,
+    kept: VecDeque<PathBuf>,
+    now: Option<Instant>,
+    retry_at: Option<Instant>,
+    gap: Gap,
+    status: RecordStatus,
+}
+
+impl Parts {
+    /// Begins the first part.
+    ///
+    /// # Errors
+    /// When there is such a file, or it cannot be made or written.
+    pub(super) fn open(
+        mut disk: Box<dyn Disk>,
+        names: Names,
+        format: &'static WritableFormat,
+        limits: Limits,
+    ) -> anyhow::Result<Self> {
+        let path = names.next();
+        let file = disk.create(&path).map_err(|error| refusal(&path, error))?;
+        let mut parts = Self {
+            disk,
+            names,
+            format,
+            limits,
+            part: None,
+            kept: VecDeque::new(),
+            now: None,
+            retry_at: None,
+            gap: Gap::default(),
+            status: RecordStatus { format: format.title, ..RecordStatus::default() },
+        };
+        parts.adopt(path.clone(), file);
+        parts.write_out();
+        match parts.status.failure.take() {
+            Some(RecordFailure { reason, .. }) => Err(refusal(&path, io::Error::other(reason))),
+            None => Ok(parts),
+        }
+    }
+
+    pub(super) fn status(&self) -> &RecordStatus {
+        &self.status
+    }
+
+    /// Takes items in their order and gives them to the system. `buses` has the names of their buses.
+    pub(super) fn take(&mut self, items: Vec<Item>, buses: &[String], now: Option<Instant>) {
+        self.now = now.or(self.now);
+        if let Some(part) = &mut self.part {
+            part.begun = part.begun.or(self.now);
+        }
+        for item in items {
+            let begins = item.is_frame();
+            let has_place = match &self.part {
+                None => begins && self.may_try() && self.begin(buses),
+                Some(part) if begins && self.is_over_time(part) => self.end() && self.begin(buses),
+                Some(_) => true,
+            };
+            if has_place {
+                self.record(item, buses);
+            } else {
+                self.miss(item);
+            }
+        }
+        self.write_out();
+    }
+
+    /// Waits until all is on the disk.
+    pub(super) fn sync(&mut self) {
+        let Some(Err(error)) = self.part.as_mut().map(Part::sync) else { return };
+        // What the disk lost is not known: the system had taken it.
+        let reason = format!("{error}; its last second may be missing on the disk");
+        self.fail(&io::Error::new(error.kind(), reason));
+    }
+
+    /// Nothing follows.
+    pub(super) fn finish(&mut self) {
+        self.end();
+    }
+
+    fn is_over_time(&self, part: &Part) -> bool {
+        let time = self.now.zip(part.begun).map(|(now, begun)| now.saturating_duration_since(begun));
+        part.frames() > 0 && time.is_some_and(|time| time >= self.limits.time)
+    }
+
+    /// Whether enough time is over since the last failure.
+    fn may_try(&self) -> bool {
+        self.now.is_some_and(|now| self.retry_at.is_none_or(|at| now >= at))
+    }
+
+    /// Adds an item to the part there is, or to the next one if it is too much for this one.
+    fn record(&mut self, item: Item, buses: &[String]) {
+        let begins = item.is_frame();
+        self.push(item, buses);
+        let too_much = |part: &Part| part.full_length() > self.limits.bytes && part.frames() > 1;
+        if begins
+            && self.part.as_ref().is_some_and(too_much)
+            && let Some(item) = self.part.as_mut().and_then(Part::undo)
+        {
+            if self.end() && self.begin(buses) {
+                self.push(item, buses);
+            } else {
+                self.miss(item);
+            }
+        }
+        if self.part.as_ref().is_some_and(|part| part.held() >= CHUNK) {
+            self.write_out();
+        }
+    }
+
+    fn push(&mut self, item: Item, buses: &[String]) {
+        let Some(part) = &mut self.part else {
+            self.miss(item);
+            return;
+        };
+        let bus = buses.get(item.bus).map_or("", String::as_str);
+        match part.push(item, bus) {
+            Ok(None) => (),
+            Ok(Some(item)) => {
+                let What::Notice(notice) = item.what else { return };
+                if let Some(unheld) = Unheld::of(&notice) {
+                    self.status.leave_out(unheld);
+                }
+            }
+            Err(error) => self.fail(&error),
+        }
+    }
+
+    /// Begins the next part and tells in it what is missing before it. False where that cannot be.
+    fn begin(&mut self, buses: &[String]) -> bool {
+        let (path, made) = self.create();
+        let file = match made {
+            Ok(file) => file,
+            Err(error) => {
+                self.failed(path, &error);
+                return false;
+            }
+        };
+        self.adopt(path, file);
+        // On a full disk that makes room.
+        self.remove_old();
+        self.write_out();
+        if self.part.is_none() {
+            return false;
+        }
+        for item in self.gap.take() {
+            self.push(item, buses);
+        }
+        true
+    }
+
+    /// Makes a file of the next name that is free.
+    fn create(&mut self) -> (PathBuf, io::Result<Box<dyn PartFile>>) {
+        let mut left = TAKEN;
+        loop {
+            let path = self.names.next();
+            match self.disk.create(&path) {
+                Err(error) if error.kind() == ErrorKind::AlreadyExists && left > 0 => {
+                    self.names.number += 1;
+                    left -= 1;
+                }
+                made => return (path, made),
+            }
+        }
+    }
+
+    fn adopt(&mut self, path: PathBuf, file: Box<dyn PartFile>) {
+        let mut part = Part::new(path.clone(), file, self.format);
+        part.begun = self.now;
+        self.part = Some(part);
+        self.kept.push_back(path.clone());
+        self.names.number += 1;
+        self.status.parts += 1;
+        self.status.path = path;
+    }
+
+    fn remove_old(&mut self) {
+        while self.kept.len() > self.limits.files.max(1) {
+            let Some(oldest) = self.kept.pop_front() else { return };
+            match self.disk.remove(&oldest) {
+                Ok(()) => self.status.removed += 1,
+                // The user's own doing.
+                Err(error) if error.kind() == ErrorKind::NotFound => (),
+                // Tried again with the next part.
+                Err(_) => {
+                    self.kept.push_front(oldest);
+                    return;
+                }
+            }
+        }
+    }
+
+    /// Ends the part there is. False where that fails.
+    fn end(&mut self) -> bool {
+        let Some(written) = self.part.as_mut().map(Part::end) else { return false };
+        self.count(written);
+        self.sync();
+        self.part.take().is_some()
+    }
+
+    fn write_out(&mut self) {
+        if let Some(written) = self.part.as_mut().map(Part::write_out) {
+            self.count(written);
+        }
+    }
+
+    fn count(&mut self, written: Written) {
+        self.status.frames = self.status.frames.saturating_add(written.frames);
+        self.status.bytes = self.status.bytes.saturating_add(written.bytes);
+        match (written.failure, &mut self.status.failure) {
+            (Some(error), _) => self.fail(&error),
+            (None, Some(failure)) if written.frames > 0 => failure.is_over = true,
+            (None, _) => (),
+        }
+    }
+
+    /// The part there is cannot be written any more.
+    fn fail(&mut self, error: &io::Error) {
+        let Some(part) = self.part.take() else { return };
+        let path = part.path().to_owned();
+        if part.is_empty() && self.disk.remove(&path).is_ok() {
+            self.kept.pop_back();
+            self.names.number -= 1;
+            self.status.parts -= 1;
+            self.status.bytes = self.status.bytes.saturating_sub(part.length());
+        }
+        self.failed(path, error);
+        for item in part.abandon() {
+            self.miss(item);
+        }
+    }
+
+    fn failed(&mut self, path: PathBuf, error: &io::Error) {
+        let missing = match &self.status.failure {
+            Some(failure) if !failure.is_over => failure.missing,
+            _ => 0,
+        };
+        self.retry_at = self.now.map(|now| now + RETRY_AFTER);
+        self.status.failure =
+            Some(RecordFailure { path, reason: error.to_string(), missing, is_over: false });
+    }
+
+    fn miss(&mut self, item: Item) {
+        if item.is_frame() {
+            self.status.missing += 1;
+            if let Some(failure) = &mut self.status.failure {
+                failure.missing += 1;
+            }
+        }
+        self.gap.miss(item);
+    }
+}

@@ -1,0 +1,390 @@
+//! Puts what several sources deliver in the order of its times.
+//!
+//! Sources read at different moments, so of several each item waits [`WINDOW`] for earlier ones of the others. A
+//! single source passes through. While nothing comes, time goes on all the same: that is told in the frames' own
+//! clock, so that silence can be judged.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use cobscope_decoder::capture::{BusNames, Notice};
+use cobscope_decoder::frame::{BusIndex, Timestamp};
+
+use super::{Arrival, Arrivals, BusStatus, Ended, Source};
+
+/// How long an item waits for earlier ones of other sources.
+const WINDOW: Duration = Duration::from_millis(20);
+
+/// How long nothing comes before that is told, and how often.
+const QUIET: Duration = Duration::from_millis(250);
+
+/// How often sources are asked how they are.
+const STATUS: Duration = Duration::from_secs(1);
+
+/// How long a source waits before it looks whether it is still wanted.
+const WAIT: Duration = Duration::from_millis(100);
+
+/// Deliveries that wait; then sources wait, and what their own buffers lose is counted.
+const DELIVERIES: usize = 64;
+
+/// What a source's thread sends.
+struct Delivery {
+    source: usize,
+    what: What,
+}
+
+enum What {
+    Items { names: BusNames, items: Vec<Arrival> },
+    Status(Vec<BusStatus>),
+    Ended(Ended),
+}
+
+/// Sources being read.
+pub struct Gather {
+    inbox: Receiver<Delivery>,
+    lanes: Vec<Lane>,
+    names: BusNames,
+    held: Vec<Held>,
+    frames: u64,
+    /// Time of the newest item, and when it came.
+    newest: Option<(Timestamp, Instant)>,
+    told_quiet: Option<Instant>,
+    failures: Vec<anyhow::Error>,
+    stop: Arc<AtomicBool>,
+}
+
+/// What is known of a source.
+#[derive(Default)]
+struct Lane {
+    /// Index here of each of its own buses.
+    buses: Vec<BusIndex>,
+    /// Latest time of its items: the others count as of that time.
+    clock: Timestamp,
+    status: Vec<BusStatus>,
+    lag: Duration,
+    has_ended: bool,
+}
+
+/// An item that waits for earlier ones.
+struct Held {
+    time: Timestamp,
+    came: Instant,
+    item: Arrival,
+}
+
+impl Gather {
+    /// Reads each source in a thread of its own.
+    ///
+    /// # Errors
+    /// When no thread can be started.
+    pub fn start(sources: Vec<Box<dyn Source>>) -> anyhow::Result<Self> {
+        let (outbox, inbox) = sync_channel(DELIVERIES);
+        let stop = Arc::new(AtomicBool::new(false));
+        let mut lanes = Vec::new();
+        for (place, mut source) in sources.into_iter().enumerate() {
+            lanes.push(Lane { lag: source.lag(), status: source.status(), ..Lane::default() });
+            let (outbox, stop) = (outbox.clone(), Arc::clone(&stop));
+            let thread = std::thread::Builder::new().name("source".into());
+            thread
+                .spawn(move || feed(&mut *source, place, &outbox, &stop))
+                .context("no thread can be started")?;
+        }
+        let names = BusNames::default();
+        let (held, failures) = (Vec::new(), Vec::new());
+        Ok(Self { inbox, lanes, names, held, frames: 0, newest: None, told_quiet: None, failures, stop })
+    }
+
+    /// What came next, in order, its frames numbered; nothing when `wait` is over. `None` when all sources ended.
+    pub fn next(&mut self, wait: Duration) -> Option<Vec<Arrival>> {
+        let wait = if self.held.is_empty() { wait } else { wait.min(WINDOW) };
+        match self.inbox.recv_timeout(wait) {
+            Ok(delivery) => {
+                self.take(delivery);
+                while let Ok(delivery) = self.inbox.try_recv() {
+                    self.take(delivery);
+                }
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) if self.held.is_empty() => return None,
+            Err(RecvTimeoutError::Disconnected) => return Some(self.release(None)),
+        }
+        let now = Instant::now();
+        let mut ready = self.release(Some(now));
+        ready.extend(self.quiet(now).map(Arrival::Notice));
+        Some(ready)
+    }
+
+    /// Names of all buses so far.
+    pub fn names(&self) -> &BusNames {
+        &self.names
+    }
+
+    /// What is known of each bus.
+    pub fn status(&self) -> impl Iterator<Item = &BusStatus> {
+        self.lanes.iter().flat_map(|lane| &lane.status)
+    }
+
+    /// Sources that failed since this was asked last.
+    pub fn failures(&mut self) -> Vec<anyhow::Error> {
+        std::mem::take(&mut self.failures)
+    }
+
+    fn take(&mut self, Delivery { source, what }: Delivery) {
+        let Some(lane) = self.lanes.get_mut(source) else { return };
+        match what {
+            What::Status(status) => lane.status = status,
+            What::Ended(ended) => {
+                lane.has_ended = true;
+                if let Ended::Failed(error) = ended {
+                    self.failures.push(error);
+                }
+            }
+            What::Items { names, items } => {
+                let came = Instant::now();
+                for mut item in items {
+                    match &mut item {
+                        Arrival::Frame(frame) => frame.bus = lane.bus(frame.bus, &names, &mut self.names),
+                        Arrival::Notice(Notice::LostFrames { bus, .. } | Notice::Link { bus, .. }) => {
+                            *bus = lane.bus(*bus, &names, &mut self.names);
+                        }
+                        Arrival::Notice(_) => {}
+                    }
+                    let time = match &item {
+                        Arrival::Frame(frame) => frame.time,
+                        Arrival::Notice(Notice::Link { time, .. } | Notice::Quiet(time)) => Some(*time),
+                        Arrival::Notice(_) => None,
+                    };
+                    // A clock that goes back holds nothing up: a source's items keep their order.
+                    lane.clock = time.map_or(lane.clock, |time| time.max(lane.clock));
+                    self.newest = self.newest.max(Some((lane.clock, came)));
+                    self.held.push(Held { time: lane.clock, came, item });
+                }
+            }
+        }
+    }
+
+    /// What needs to wait no longer, in order; all of it without `now`.
+    fn release(&mut self, now: Option<Instant>) -> Vec<Arrival> {
+        let is_alone = self.lanes.iter().filter(|lane| !lane.has_ended).count() < 2;
+        let Some(now) = now.filter(|_| !is_alone) else {
+            let all = std::mem::take(&mut self.held);
+            return self.ordered(all);
+        };
+        let old = self.held.iter().filter(|held| now.saturating_duration_since(held.came) >= WINDOW);
+        let Some(until) = old.map(|held| held.time).max() else { return Vec::new() };
+        let (ready, held) = std::mem::take(&mut self.held).into_iter().partition(|held| held.time <= until);
+        self.held = held;
+        self.ordered(ready)
+    }
+
+    fn ordered(&mut self, mut items: Vec<Held>) -> Vec<Arrival> {
+        // Stable: what has one time stays as it came.
+        items.sort_by_key(|held| held.time);
+        let mut items: Vec<Arrival> = items.into_iter().map(|held| held.item).collect();
+        for item in &mut items {
+            if let Arrival::Frame(frame) = item {
+                self.frames += 1;
+                frame.number = self.frames;
+            }
+        }
+        items
+    }
+
+    /// That time went on although nothing came.
+    fn quiet(&mut self, now: Instant) -> Option<Notice> {
+        let (time, came) = self.newest?;
+        let silence = now.saturating_duration_since(came);
+        let is_told = self.told_quiet.is_some_and(|told| now.saturating_duration_since(told) < QUIET);
+        let lag = self.lanes.iter().filter(|lane| !lane.has_ended).map(|lane| lane.lag).max()?;
+        let known = silence.saturating_sub(lag + WINDOW);
+        if is_told || known < QUIET || !self.held.is_empty() {
+            return None;
+        }
+        self.told_quiet = Some(now);
+        Some(Notice::Quiet(time.plus(i64::try_from(known.as_nanos()).unwrap_or(i64::MAX))))
+    }
+}
+
+impl Drop for Gather {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
+}
+
+impl Lane {
+    /// The bus here of one of its own. Buses of two sources that have one name are two.
+    fn bus(&mut self, own: BusIndex, own_names: &BusNames, names: &mut BusNames) -> BusIndex {
+        while self.buses.len() <= usize::from(own.0) {
+            let name = own_names.names().get(self.buses.len()).map_or("", String::as_str);
+            let is_taken = |name: &str| names.names().iter().any(|known| known == name);
+            let mut unique = name.to_owned();
+            let mut twin = 2;
+            while is_taken(&unique) && twin < u16::MAX {
+                unique = format!("{name}@{twin}");
+                twin += 1;
+            }
+            self.buses.push(names.index_of(unique.as_bytes()).unwrap_or(BusIndex(u8::MAX)));
+        }
+        self.buses.get(usize::from(own.0)).copied().unwrap_or_default()
+    }
+}
+
+/// Reads a source until it ends or is not wanted any more.
+fn feed(source: &mut dyn Source, place: usize, outbox: &SyncSender<Delivery>, stop: &AtomicBool) {
+    let send = |what| outbox.send(Delivery { source: place, what }).is_ok();
+    let mut arrivals = Arrivals::default();
+    let mut asked = Instant::now();
+    while !stop.load(Ordering::Relaxed) {
+        let ended = source.receive(&mut arrivals, WAIT).err();
+        let items = std::mem::take(&mut arrivals.items);
+        if !items.is_empty() && !send(What::Items { names: arrivals.names.clone(), items }) {
+            return;
+        }
+        if let Some(ended) = ended {
+            send(What::Status(source.status()));
+            send(What::Ended(ended));
+            return;
+        }
+        if asked.elapsed() >= STATUS {
+            asked = Instant::now();
+            if !send(What::Status(source.status())) {
+                return;
+            }
+        }
+    }
+    send(What::Status(source.status()));
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::VecDeque;
+
+    use cobscope_decoder::frame::{CanId, Frame, LinkState};
+
+    use super::*;
+
+    /// Gives its items one by one, then ends.
+    struct Scripted {
+        bus: &'static str,
+        times: VecDeque<i64>,
+    }
+
+    impl Source for Scripted {
+        fn receive(&mut self, arrivals: &mut Arrivals, _wait: Duration) -> Result<(), Ended> {
+            let Some(time) = self.times.pop_front() else { return Err(Ended::Complete) };
+            let bus = arrivals.names.index_of(self.bus.as_bytes()).unwrap();
+            let frame = Frame::data_frame(CanId::standard(0x123), &[]);
+            arrivals.items.push(Arrival::Frame(Frame { bus, time: Some(Timestamp(time)), ..frame }));
+            Ok(())
+        }
+
+        fn status(&mut self) -> Vec<BusStatus> {
+            Vec::new()
+        }
+
+        fn lag(&self) -> Duration {
+            Duration::ZERO
+        }
+    }
+
+    fn scripted(bus: &'static str, times: &[i64]) -> Box<dyn Source> {
+        Box::new(Scripted { bus, times: times.iter().copied().collect() })
+    }
+
+    /// All that comes, as bus, number and time.
+    fn all(mut gather: Gather) -> Vec<(String, u64, i64)> {
+        let mut found = Vec::new();
+        while let Some(items) = gather.next(Duration::from_secs(60)) {
+            for item in items {
+                let Arrival::Frame(frame) = item else { panic!("{item:?}") };
+                let name = gather.names().names()[usize::from(frame.bus.0)].clone();
+                found.push((name, frame.number, frame.time.unwrap().0));
+            }
+        }
+        found
+    }
+
+    #[test]
+    fn several_sources_are_one_in_order_of_time() {
+        // Both are read within the window, whoever is first.
+        let sources = vec![scripted("can0", &[10, 30, 50]), scripted("can1", &[20, 40])];
+        let found = all(Gather::start(sources).unwrap());
+        let times: Vec<_> = found.iter().map(|(bus, number, time)| (bus.as_str(), *number, *time)).collect();
+        assert_eq!(
+            times,
+            [("can0", 1, 10), ("can1", 2, 20), ("can0", 3, 30), ("can1", 4, 40), ("can0", 5, 50)]
+        );
+    }
+
+    #[test]
+    fn one_source_keeps_its_order_and_two_of_one_name_are_two_buses() {
+        let found = all(Gather::start(vec![scripted("can0", &[10, 5, 20])]).unwrap());
+        assert_eq!(found.iter().map(|(_, _, time)| *time).collect::<Vec<_>>(), [10, 5, 20]);
+        let found = all(Gather::start(vec![scripted("can0", &[1]), scripted("can0", &[2])]).unwrap());
+        assert_eq!(found.iter().map(|(bus, ..)| bus.len()).sum::<usize>(), "can0".len() + "can0@2".len());
+    }
+
+    /// Apart from the clock: the moments are given.
+    #[test]
+    fn silence_is_told_in_the_frames_own_clock() {
+        let (_outbox, inbox) = sync_channel(1);
+        let start = Instant::now();
+        let mut gather = Gather {
+            inbox,
+            lanes: vec![Lane { lag: Duration::from_millis(10), ..Lane::default() }],
+            names: BusNames::default(),
+            held: Vec::new(),
+            frames: 1,
+            newest: Some((Timestamp(1_000_000_000), start)),
+            told_quiet: None,
+            failures: Vec::new(),
+            stop: Arc::default(),
+        };
+        let mut at = |millis| gather.quiet(start + Duration::from_millis(millis));
+        assert_eq!(at(200), None);
+        // Of 400 ms, 10 may still be on the way and 20 are the window.
+        assert_eq!(at(400), Some(Notice::Quiet(Timestamp(1_370_000_000))));
+        assert_eq!(at(500), None, "told every 250 ms");
+        assert_eq!(at(1_400), Some(Notice::Quiet(Timestamp(2_370_000_000))));
+    }
+
+    #[test]
+    fn notices_stay_with_the_frames_around_them() {
+        let (outbox, inbox) = sync_channel(4);
+        let mut gather = Gather {
+            inbox,
+            lanes: vec![Lane::default(), Lane::default()],
+            names: BusNames::default(),
+            held: Vec::new(),
+            frames: 0,
+            newest: None,
+            told_quiet: None,
+            failures: Vec::new(),
+            stop: Arc::default(),
+        };
+        let mut names = BusNames::default();
+        let bus = names.index_of(b"can0").unwrap();
+        let frame = |time| {
+            let frame = Frame::data_frame(CanId::standard(1), &[]);
+            Arrival::Frame(Frame { bus, time: Some(Timestamp(time)), ..frame })
+        };
+        let link =
+            |time, state| Arrival::Notice(Notice::Link { bus, time: Timestamp(time), state, bit_rate: None });
+        let items = vec![frame(5), link(6, LinkState::Down), link(8, LinkState::Up), frame(9)];
+        outbox.send(Delivery { source: 1, what: What::Items { names: names.clone(), items } }).unwrap();
+        outbox.send(Delivery { source: 0, what: What::Items { names, items: vec![frame(7)] } }).unwrap();
+        drop(outbox);
+        let mut order = Vec::new();
+        while let Some(items) = gather.next(Duration::from_secs(60)) {
+            order.extend(items.into_iter().map(|item| match item {
+                Arrival::Frame(frame) => frame.time.unwrap().0,
+                Arrival::Notice(Notice::Link { time, .. }) => time.0,
+                Arrival::Notice(other) => panic!("{other:?}"),
+            }));
+        }
+        assert_eq!(order, [5, 6, 7, 8, 9]);
+    }
+}

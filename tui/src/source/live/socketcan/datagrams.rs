@@ -1,0 +1,184 @@
+//! Reads a socket in batches: frames with stamps, direction and losses.
+//!
+//! A wake-up costs a thousand times what decoding a frame does, so frames are left in the socket's buffer for some
+//! milliseconds and then read many at a time; the kernel stamped them when they came.
+
+use std::io::IoSliceMut;
+use std::os::fd::RawFd;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use cobscope_decoder::frame::Timestamp;
+use nix::cmsg_space;
+use nix::errno::Errno;
+use nix::sys::socket::{ControlMessageOwned, MsgFlags, MultiHeaders, RecvMsg, Timestamps, recvmmsg};
+use nix::sys::time::TimeSpec;
+
+/// Frames read with one call.
+const BATCH: usize = 64;
+
+/// Bytes of `struct canfd_frame`.
+const LARGEST: usize = 72;
+
+/// Set on frames a program of this computer sent (MSG_DONTROUTE, linux/can/raw.h); nix has no name for it on reading.
+const OWN: MsgFlags = MsgFlags::from_bits_retain(0x04);
+
+/// How far hardware and kernel stamps may drift apart before the hardware's clock is set anew, in nanoseconds.
+const DRIFT: i64 = 20_000_000;
+
+/// One frame as the socket gave it.
+pub(super) struct Datagram<'a> {
+    /// `struct can_frame` or `struct canfd_frame`.
+    pub(super) bytes: &'a [u8],
+    /// When it was received, in nanoseconds since 1970.
+    pub(super) time: Timestamp,
+    /// A program on this computer sent it.
+    pub(super) is_own: bool,
+    /// Frames the socket lost before it.
+    pub(super) lost: u32,
+}
+
+/// What is kept between two reads of a socket.
+#[derive(Default)]
+pub(super) struct Datagrams {
+    /// Frames lost since the socket was opened (SO_RXQ_OVFL, a count that wraps).
+    lost: u32,
+    /// Kernel's time minus the hardware's, once a hardware stamp came.
+    hardware: Option<i64>,
+}
+
+impl Datagrams {
+    /// Whether stamps are the hardware's.
+    pub(super) fn has_hardware_stamps(&self) -> bool {
+        self.hardware.is_some()
+    }
+
+    /// Reads what is in the socket's buffer, at most `most` frames.
+    ///
+    /// # Errors
+    /// What the kernel says of the socket; frames read before are seen.
+    pub(super) fn read(
+        &mut self,
+        socket: RawFd,
+        most: usize,
+        mut see: impl FnMut(Datagram<'_>),
+    ) -> nix::Result<()> {
+        let mut buffers = [[0u8; LARGEST]; BATCH];
+        let mut left = most;
+        while left > 0 {
+            // The headers are made anew each time: the kernel shortens their room for control messages.
+            let space = cmsg_space!(Timestamps, u32);
+            let mut headers = MultiHeaders::<()>::preallocate(BATCH, Some(space));
+            let mut slices: Vec<[IoSliceMut<'_>; 1]> =
+                buffers.iter_mut().map(|buffer| [IoSliceMut::new(buffer)]).collect();
+            let read = match recvmmsg(socket, &mut headers, &mut slices, MsgFlags::MSG_DONTWAIT, None) {
+                Ok(read) => read,
+                Err(Errno::EAGAIN | Errno::EINTR) => return Ok(()),
+                Err(error) => return Err(error),
+            };
+            let mut count = 0;
+            for message in read {
+                count += 1;
+                let (time, lost) = self.controls(&message);
+                let is_own = message.flags.contains(OWN);
+                let bytes = message.iovs().next().unwrap_or_default();
+                see(Datagram { bytes, time, is_own, lost });
+            }
+            if count < BATCH {
+                return Ok(());
+            }
+            left = left.saturating_sub(count);
+        }
+        Ok(())
+    }
+
+    /// Time of a message, and frames lost before it.
+    fn controls(&mut self, message: &RecvMsg<'_, '_, ()>) -> (Timestamp, u32) {
+        let (mut stamps, mut lost) = (None, self.lost);
+        for control in message.cmsgs().into_iter().flatten() {
+            match control {
+                ControlMessageOwned::ScmTimestampsns(found) => stamps = Some(found),
+                ControlMessageOwned::RxqOvfl(count) => lost = count,
+                _ => {}
+            }
+        }
+        let newly = lost.wrapping_sub(std::mem::replace(&mut self.lost, lost));
+        let time = stamps.map_or_else(now, |Timestamps { system, hw_raw, .. }| {
+            self.time(nanoseconds(system).unwrap_or_else(now), nanoseconds(hw_raw))
+        });
+        (time, newly)
+    }
+
+    /// The hardware's stamp on this computer's clock, else the kernel's. The kernel never stamps before the hardware,
+    /// so the smallest difference there was is the nearest to the truth.
+    fn time(&mut self, kernel: Timestamp, hardware: Option<Timestamp>) -> Timestamp {
+        let Some(hardware) = hardware else { return kernel };
+        let difference = kernel.since(hardware);
+        let known = self.hardware.filter(|known| (0..DRIFT).contains(&difference.saturating_sub(*known)));
+        let offset = *self.hardware.insert(known.unwrap_or(difference));
+        hardware.plus(offset)
+    }
+}
+
+/// A stamp of the kernel; all zeros are none.
+fn nanoseconds(stamp: TimeSpec) -> Option<Timestamp> {
+    let time = stamp.tv_sec().saturating_mul(1_000_000_000).saturating_add(stamp.tv_nsec());
+    (time != 0).then_some(Timestamp(time))
+}
+
+/// This computer's clock.
+pub(super) fn now() -> Timestamp {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    Timestamp(i64::try_from(since.as_nanos()).unwrap_or(i64::MAX))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::UdpSocket;
+    use std::os::fd::AsRawFd as _;
+
+    use nix::sys::socket::{setsockopt, sockopt};
+
+    use super::*;
+
+    #[test]
+    fn hardware_stamps_are_put_on_this_computers_clock() {
+        let mut datagrams = Datagrams::default();
+        let mut time =
+            |kernel, hardware: Option<i64>| datagrams.time(Timestamp(kernel), hardware.map(Timestamp)).0;
+        assert_eq!(time(1_000, None), 1_000);
+        // The hardware's clock began 900 ns earlier than it looks, and the kernel was 50 ns late.
+        assert_eq!(time(1_000, Some(100)), 1_000);
+        assert_eq!(time(1_550, Some(700)), 1_550, "the kernel was less late: nearer to the truth");
+        assert_eq!(time(9_000, Some(1_000)), 1_850, "and now later");
+        assert_eq!(time(90_000_000, Some(2_000)), 90_000_000, "clocks too far apart begin anew");
+    }
+
+    /// Datagrams stand for frames: the kernel here may have no CAN.
+    #[test]
+    fn what_a_small_buffer_loses_is_counted_exactly() {
+        let receiver = UdpSocket::bind("127.0.0.1:0").unwrap();
+        setsockopt(&receiver, sockopt::RxqOvfl, &1).unwrap();
+        setsockopt(&receiver, sockopt::RcvBuf, &4096).unwrap();
+        setsockopt(&receiver, sockopt::ReceiveTimestampns, &true).unwrap();
+        let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
+        sender.connect(receiver.local_addr().unwrap()).unwrap();
+        let (mut datagrams, mut seen, mut lost) = (Datagrams::default(), Vec::new(), 0);
+        for number in 0..200u32 {
+            sender.send(&[&number.to_ne_bytes()[..], &[0; 12]].concat()).unwrap();
+        }
+        let mut read = |seen: &mut Vec<u32>, lost: &mut u32| {
+            datagrams
+                .read(receiver.as_raw_fd(), usize::MAX, |datagram| {
+                    seen.push(u32::from_ne_bytes(*datagram.bytes.first_chunk().unwrap()));
+                    *lost += datagram.lost;
+                })
+                .unwrap();
+        };
+        read(&mut seen, &mut lost);
+        assert!(seen.len() < 200 && lost == 0, "the kernel tells with the next frame: {lost}");
+        sender.send(&[&200u32.to_ne_bytes()[..], &[0; 12]].concat()).unwrap();
+        read(&mut seen, &mut lost);
+        assert_eq!(seen.last(), Some(&200));
+        assert_eq!(seen.len() + lost as usize, 201);
+    }
+}

@@ -1,0 +1,182 @@
+//! How the command line names a source.
+//!
+//! ```text
+//! can0   can0,123:7FF,400~7F0,#FFFFFFFF   any       SocketCAN, with candump's filters
+//! slcan:/dev/ttyACM0@500000                          a serial adapter (Lawicel)
+//! socketcand://host:29536/can0                       a server
+//! -                                                  text on standard input
+//! machine.trc                                        a growing file, with --follow
+//! ```
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+/// Longest name of an interface (IFNAMSIZ without its end mark).
+const LONGEST_NAME: usize = 15;
+
+/// Bits of an identifier in a filter, as linux/can.h has them: 29 bits, inverted; and what errors are.
+const EXTENDED: u32 = 0x8000_0000;
+const INVERTED: u32 = 0x2000_0000;
+const ERROR: u32 = 0x2000_0000;
+
+/// Digits of a 29-bit identifier: fewer are 11 bits.
+const EXTENDED_DIGITS: usize = 8;
+
+/// A source as named.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum SourceSpec {
+    /// A CAN interface of this computer, or `any`.
+    SocketCan(InterfaceSpec),
+    /// A serial adapter at a device; bit/s to be set.
+    Slcan { device: String, bit_rate: Option<u32> },
+    /// A bus of a server.
+    Socketcand { address: String, bus: String },
+    /// Text on standard input.
+    Stdin,
+    /// A file.
+    File(PathBuf),
+}
+
+/// A CAN interface and which of its frames are wanted.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct InterfaceSpec {
+    /// Its name; `any` for all there are.
+    pub name: String,
+    /// Frames that fit any of them; all frames where there is none.
+    pub filters: Vec<IdFilter>,
+    /// Only frames that fit all of them.
+    pub is_joined: bool,
+    /// Classes of error frames.
+    pub errors: u32,
+}
+
+/// An identifier and which of its bits count, in the kernel's form.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct IdFilter {
+    /// Identifier with its flags; with `CAN_INV_FILTER` what does not fit is wanted.
+    pub id: u32,
+    /// Bits that count.
+    pub mask: u32,
+}
+
+impl FromStr for SourceSpec {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "-" {
+            return Ok(Self::Stdin);
+        }
+        if let Some(rest) = text.strip_prefix("slcan:") {
+            return slcan(rest);
+        }
+        if let Some(rest) = text.strip_prefix("socketcand://") {
+            return socketcand(rest);
+        }
+        if text.contains(['/', '\\', '.']) || std::path::Path::new(text).is_file() {
+            return Ok(Self::File(text.into()));
+        }
+        interface(text).map(Self::SocketCan)
+    }
+}
+
+fn slcan(text: &str) -> Result<SourceSpec, String> {
+    let (device, rate) = match text.rsplit_once('@') {
+        Some((device, rate)) => (device, Some(rate)),
+        None => (text, None),
+    };
+    if device.is_empty() {
+        return Err("name the adapter's device: slcan:/dev/ttyACM0@500000".into());
+    }
+    let wrong = |rate: &str| format!("found {rate} after @, expected a bit rate in bit/s such as 500000");
+    let bit_rate = rate.map(|rate| rate.parse().map_err(|_| wrong(rate))).transpose()?;
+    Ok(SourceSpec::Slcan { device: device.into(), bit_rate })
+}
+
+fn socketcand(text: &str) -> Result<SourceSpec, String> {
+    match text.split_once('/') {
+        Some((address, bus)) if !address.is_empty() && !bus.is_empty() => {
+            Ok(SourceSpec::Socketcand { address: address.into(), bus: bus.into() })
+        }
+        _ => Err("name server and bus: socketcand://host:29536/can0".into()),
+    }
+}
+
+/// `can0,123:7FF,400~7F0,#FFFFFFFF,j`, as candump takes it.
+fn interface(text: &str) -> Result<InterfaceSpec, String> {
+    let mut parts = text.split(',');
+    let name = parts.next().unwrap_or_default();
+    if name.is_empty() || name.len() > LONGEST_NAME {
+        return Err(format!(
+            "found {name:?}, expected the name of an interface of 1 to {LONGEST_NAME} letters"
+        ));
+    }
+    let mut spec =
+        InterfaceSpec { name: name.into(), filters: Vec::new(), is_joined: false, errors: u32::MAX >> 3 };
+    for part in parts {
+        let wrong = || format!("found {part:?}, expected ID:MASK, ID~MASK, #ERRORMASK or j, in hex digits");
+        let hex = |digits: &str| u32::from_str_radix(digits, 16).map_err(|_| wrong());
+        if part.eq_ignore_ascii_case("j") {
+            spec.is_joined = true;
+        } else if let Some(mask) = part.strip_prefix('#') {
+            spec.errors = hex(mask)? & (u32::MAX >> 3);
+        } else {
+            let (id, mask, inverted) = match (part.split_once(':'), part.split_once('~')) {
+                (Some((id, mask)), _) => (id, mask, 0),
+                (_, Some((id, mask))) => (id, mask, INVERTED),
+                _ => return Err(wrong()),
+            };
+            let extended = if id.len() == EXTENDED_DIGITS { EXTENDED } else { 0 };
+            spec.filters.push(IdFilter { id: hex(id)? | extended | inverted, mask: hex(mask)? & !ERROR });
+        }
+    }
+    Ok(spec)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spec(text: &str) -> Result<SourceSpec, String> {
+        text.parse()
+    }
+
+    /// As candump.c reads them: eight digits are 29 bits, error bits of a mask do not count, `~` inverts.
+    #[test]
+    fn filters_of_candump() {
+        let Ok(SourceSpec::SocketCan(found)) = spec("can0,123:7FF,400~7F0,18FEF180:1FFFFFFF,#FFFFFFFF,j")
+        else {
+            panic!("an interface")
+        };
+        assert_eq!((found.name.as_str(), found.is_joined, found.errors), ("can0", true, 0x1FFF_FFFF));
+        let filters: Vec<_> = found.filters.iter().map(|filter| (filter.id, filter.mask)).collect();
+        assert_eq!(
+            filters,
+            [(0x123, 0x7FF), (0x2000_0400, 0x7F0), (0x98FE_F180, 0x1FFF_FFFF)],
+            "an inverted filter has CAN_INV_FILTER, which is 0x20000000"
+        );
+        let Ok(SourceSpec::SocketCan(found)) = spec("any,#0") else { panic!("an interface") };
+        assert_eq!((found.name.as_str(), found.errors), ("any", 0));
+        assert!(found.filters.is_empty());
+    }
+
+    #[test]
+    fn other_sources() {
+        let slcan = |device: &str, bit_rate| Ok(SourceSpec::Slcan { device: device.into(), bit_rate });
+        assert_eq!(spec("slcan:/dev/ttyACM0@500000"), slcan("/dev/ttyACM0", Some(500_000)));
+        assert_eq!(spec("slcan:COM3"), slcan("COM3", None));
+        let server = SourceSpec::Socketcand { address: "box:29536".into(), bus: "can0".into() };
+        assert_eq!(spec("socketcand://box:29536/can0"), Ok(server));
+        assert_eq!(spec("-"), Ok(SourceSpec::Stdin));
+        assert_eq!(spec("logs/machine.trc"), Ok(SourceSpec::File("logs/machine.trc".into())));
+    }
+
+    #[test]
+    fn what_is_wrong_is_said() {
+        for text in ["", "can0,", "can0,123", "can0,123:", "can0,xyz:7FF", "can0,#", "averyverylongname"] {
+            assert!(spec(text).is_err(), "{text}");
+        }
+        for text in ["slcan:", "slcan:/dev/ttyACM0@fast", "socketcand://box", "socketcand:///can0"] {
+            assert!(spec(text).is_err(), "{text}");
+        }
+    }
+}
