@@ -1,7 +1,7 @@
 //! The program on real buses of a real kernel: in a guest that `tests/guest/run` boots, beside candump.
 //!
 //! Tests named `qemu_…` need that guest's controllers. Outside a guest all of them are skipped.
-#![cfg(target_os = "linux")]
+#![cfg(all(target_os = "linux", feature = "socketcan"))]
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 mod adapters;
