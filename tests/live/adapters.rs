@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 use std::sync::{Arc, Mutex};
 use std::thread;
 
-use pty_process::blocking::{Pty, Pts, open};
+use pty_process::blocking::{Pts, Pty, open};
 
 use crate::harness::{HELLO, Program, greet, in_guest, ip, run, send, wait_until};
 use crate::pair::{parse, read};
@@ -226,8 +226,8 @@ fn text_of_candump_is_read_from_a_pipe() {
     let mut candump = Command::new("candump").args(["-L", "vcan0"]).stdout(Stdio::piped()).spawn().unwrap();
     let live = Program::live_on(candump.stdout.take().unwrap(), ["-"]);
     greet("vcan0", &[&live]);
-    send("vcan0", &["2AD#0102"]);
-    live.wait_events("frame", |events| events.iter().any(|event| event["id"] == "2AD"));
+    send("vcan0", &["13D#0102"]);
+    live.wait_events("frame", |events| events.iter().any(|event| event["id"] == "13D"));
     candump.kill().unwrap();
     candump.wait().unwrap();
     // The end of the text is the end.

@@ -13,7 +13,7 @@ fn it_ends_after_so_many_frames() {
     let record = folder.path().join("five.log");
     let live = Program::live(["vcan0", "-n", "5", "--record", record.to_str().unwrap()]);
     // More than enough, until it has ended.
-    let sender = Program::start(Command::new("cangen").args(["vcan0", "-g", "5", "-I", "2A7", "-L", "1"]));
+    let sender = Program::start(Command::new("cangen").args(["vcan0", "-g", "5", "-I", "137", "-L", "1"]));
     let ended = live.end();
     drop(sender);
     assert!(ended.status.success(), "{ended:?}");
@@ -28,10 +28,10 @@ fn it_ends_when_nothing_came_for_so_long() {
     }
     let live = Program::live(["vcan0", "-T", "3000"]);
     greet("vcan0", &[&live]);
-    send("vcan0", &["2A8#77"]);
+    send("vcan0", &["138#77"]);
     let ended = live.end();
     assert!(ended.status.success(), "{ended:?}");
-    let told = events(&ended.out, "frame").iter().any(|event| event["id"] == "2A8");
+    let told = events(&ended.out, "frame").iter().any(|event| event["id"] == "138");
     assert!(told, "{ended:?}");
 }
 

@@ -21,6 +21,10 @@ const SENT: [&str; 12] = [
     "20000040#0000000000000000",
 ];
 
+/// Errors, which come where no mask says which.
+const ERRORS: [&str; 3] =
+    ["20000004#0010000000006000", "20000008#0000000000000000", "20000040#0000000000000000"];
+
 /// What passes `filters`, worked out by hand.
 fn passes(filters: &str, wanted: &[&str]) {
     if !in_guest() {
@@ -29,6 +33,8 @@ fn passes(filters: &str, wanted: &[&str]) {
     let pair = Pair::start(&format!("vcan0,{GREETING},{filters}"), "vcan0");
     send("vcan0", &SENT);
     let records = pair.end();
+    let errors: &[&str] = if filters.contains('#') { &[] } else { &ERRORS };
+    let wanted = [wanted, errors].concat();
     records.assert_same(wanted.len());
     assert_eq!(records.frames(), wanted);
 }
@@ -52,6 +58,11 @@ fn eight_digits_are_an_extended_identifier() {
 fn an_inverted_filter_lets_pass_what_does_not_fit() {
     let wanted = ["123#01", "124#02", "00000123#03", "3FF#04", "410#07", "123#R4", "123##108"];
     passes("400~7F0", &wanted);
+}
+
+#[test]
+fn an_error_mask_of_nothing_lets_pass_no_errors() {
+    passes("124:7FF,#0", &["124#02"]);
 }
 
 #[test]

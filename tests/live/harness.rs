@@ -118,7 +118,8 @@ impl Program {
     /// The end of what was said, for a message.
     fn said(&self) -> String {
         let said = self.said.0.lock().unwrap();
-        let last = |lines: &[String]| lines.iter().rev().take(40).rev().cloned().collect::<Vec<_>>().join("\n");
+        let last =
+            |lines: &[String]| lines.iter().rev().take(40).rev().cloned().collect::<Vec<_>>().join("\n");
         format!("stdout ends:\n{}\nstderr ends:\n{}", last(&said.out), last(&said.err))
     }
 
@@ -280,7 +281,8 @@ pub fn greet(bus: &str, programs: &[&Program]) -> String {
             return frame;
         }
     }
-    let said: Vec<_> = programs.iter().map(|program| format!("{}\n{}", program.name, program.said())).collect();
+    let said: Vec<_> =
+        programs.iter().map(|program| format!("{}\n{}", program.name, program.said())).collect();
     panic!("frames sent on {bus} are not told by all of\n{}", said.join("\n"));
 }
 

@@ -100,7 +100,8 @@ fn an_interface_that_is_down_at_the_start_is_waited_for() {
     let bus = Bus::new("vcan6");
     ip("link set vcan6 down");
     let live = Program::live([bus.0]);
-    let said = live.wait_message("word on the interface", |line| line.contains("vcan6") && line.contains("down"));
+    let said =
+        live.wait_message("word on the interface", |line| line.contains("vcan6") && line.contains("down"));
     assert!(said.contains("ip link set vcan6 up"), "{said}");
     ip("link set vcan6 up");
     wait_state(&live, bus.0, "up");

@@ -2,7 +2,6 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
 use serde_json::Value;
 
@@ -45,12 +44,11 @@ fn counter(frame: &str) -> u64 {
     u64::from_str_radix(frame.split_once('#').unwrap().1, 16).unwrap().swap_bytes()
 }
 
-/// How many frames the program itself reads in a capture, which it must be able to read.
+/// How many of the frames below the program itself reads in a capture, which it must be able to read.
 fn decoded(path: &Path) -> usize {
-    let name = path.to_str().unwrap();
-    let output = Command::new(env!("CARGO_BIN_EXE_cobscope")).args(["convert", "--to", "candump", name]).output();
-    let output = output.unwrap();
-    String::from_utf8(output.stdout).unwrap().lines().filter(|line| line.contains(" 2AA#")).count()
+    let text =
+        run(env!("CARGO_BIN_EXE_cobscope"), &["decode", "-f", "jsonl", "--frames", path.to_str().unwrap()]);
+    text.lines().filter(|line| line.contains(r#""id":"13A""#)).count()
 }
 
 #[test]
@@ -63,7 +61,7 @@ fn a_killed_program_leaves_a_readable_record() {
         let record = folder.path().join(format!("killed.{format}"));
         let live = Program::live(["vcan0", "--record", record.to_str().unwrap()]);
         greet("vcan0", &[&live]);
-        run("cangen", &["vcan0", "-g", "1", "-I", "2AA", "-L", "8", "-n", "100"]);
+        run("cangen", &["vcan0", "-g", "1", "-I", "13A", "-L", "8", "-n", "100"]);
         // Without an end of the program and without any more frames.
         wait_until("100 frames in the record", || decoded(&record) == 100);
         live.signal("KILL");
@@ -83,12 +81,12 @@ fn a_full_disk_is_told_and_watching_goes_on() {
     let record = folder.path().join("full.log");
     let live = Program::live(["vcan0", "--record", record.to_str().unwrap()]);
     greet("vcan0", &[&live]);
-    run("cangen", &["vcan0", "-g", "0", "-c", "50", "-I", "2AB", "-L", "8", "-n", "4000"]);
+    run("cangen", &["vcan0", "-g", "0", "-c", "50", "-I", "13B", "-L", "8", "-n", "4000"]);
     let said = live.wait_message("full disk", |line| line.contains("full.log"));
     assert!(said.contains("No space left") || said.contains("full"), "{said}");
     greet("vcan0", &[&live]);
-    send("vcan0", &["2AC#01"]);
-    live.wait_events("frame", |events| events.iter().any(|event| event["id"] == "2AC"));
+    send("vcan0", &["13C#01"]);
+    live.wait_events("frame", |events| events.iter().any(|event| event["id"] == "13C"));
     drop(live);
     // What was written is whole lines of frames.
     let text = fs::read_to_string(&record).unwrap();

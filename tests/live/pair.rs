@@ -40,7 +40,7 @@ impl Pair {
         let folder = tempfile::tempdir().unwrap();
         let record = folder.path().join("live.log");
         let live = Program::live([source, "--record", record.to_str().unwrap()]);
-        let candump = Program::candump(source);
+        let candump = Program::candump(&with_errors(source));
         let first = greet(bus, &[&live, &candump]);
         Self { live, candump, bus, folder, first }
     }
@@ -79,6 +79,15 @@ impl Records {
 /// Reads a record in candump's form.
 pub fn read(path: &Path) -> Vec<Recorded> {
     parse(&fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display())))
+}
+
+/// The program hears error frames unless it is told otherwise, candump only where it is told so.
+fn with_errors(source: &str) -> String {
+    match source {
+        told if told.contains('#') => told.to_owned(),
+        filtered if filtered.contains(',') => format!("{filtered},#1FFFFFFF"),
+        bus => format!("{bus},0:0,#1FFFFFFF"),
+    }
 }
 
 /// What stands between two frames.
