@@ -103,6 +103,47 @@ fn text() -> impl Strategy<Value = Vec<u8>> {
     prop::collection::vec(words, 0..60).prop_map(|words| words.concat().into_bytes())
 }
 
+/// What adapters and servers say, more often nearly right than random bytes are.
+fn words_of_adapters() -> impl Strategy<Value = Vec<u8>> {
+    let words = prop::sample::select(vec![
+        "t123",
+        "T18FEF100",
+        "r080",
+        "D00000001",
+        "b7FF",
+        "0",
+        "2",
+        "8",
+        "F",
+        "1122",
+        "EA5F",
+        "A5A5A5A5A5A5A5A5",
+        "F08",
+        "sp130005",
+        "e2ac",
+        "\r",
+        "\r",
+        "\n",
+        "\x07",
+        "< ",
+        " >",
+        " ",
+        "frame ",
+        "fdframe ",
+        "rtr ",
+        "error ",
+        "ok",
+        "hi",
+        "123 ",
+        "18FEF100 ",
+        "05 ",
+        "1700000000.123456 ",
+        "\x1b[2J",
+        "xxxxxxxxxxxxxxxxxxxxxxxx",
+    ]);
+    prop::collection::vec(words, 0..60).prop_map(|words| words.concat().into_bytes())
+}
+
 fn target(name: &str) -> Target {
     *TARGETS.iter().find(|(known, _)| *known == name).unwrap()
 }
@@ -120,6 +161,12 @@ proptest! {
             reader::holds_its_contract(format.name, &bytes);
         }
         target("any").1(&bytes);
+    }
+
+    #[test]
+    fn what_adapters_and_servers_say_in_any_pieces(text in words_of_adapters()) {
+        target("slcan").1(&text);
+        target("socketcand").1(&text);
     }
 
     #[test]

@@ -11,6 +11,7 @@ mod eds;
 mod explain;
 mod filter;
 mod journeys;
+mod live;
 mod objects;
 mod profiles;
 mod readme;

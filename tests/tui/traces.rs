@@ -34,7 +34,14 @@ fn open(capture: &str, node: u8, device: &str) -> (Timeline, Receiver<News>) {
 fn read(path: PathBuf, session: SessionOptions) -> (Timeline, Receiver<News>) {
     let (sender, news) = channel();
     let rules = Arc::new(Setup::default());
-    let captures = Captures { paths: vec![path], align: false, read: ReadOptions::default(), session, rules };
+    let captures = Captures {
+        paths: vec![path],
+        align: false,
+        read: ReadOptions::default(),
+        session,
+        rules,
+        live: None,
+    };
     let timeline = Timeline::open(captures, sender).unwrap();
     while timeline.end().is_none() || !timeline.progress().is_complete() {
         news.recv().unwrap();

@@ -43,3 +43,17 @@ pub fn open_view(arguments: &[String]) -> anyhow::Result<(App, Receiver<News>)> 
     };
     cmd::open_view(&view, arguments)
 }
+
+/// `live - …` over datagrams that stand for frames, each a `struct can_frame`: what receiving costs can be measured
+/// where the kernel has no CAN.
+///
+/// # Errors
+/// A command line that is not that of `live`, or what the command itself would complain about.
+#[cfg(all(target_os = "linux", feature = "socketcan"))]
+pub fn live_over_datagrams(arguments: &[String], socket: std::net::UdpSocket) -> anyhow::Result<()> {
+    let words = std::iter::once("cobscope").chain(arguments.iter().map(String::as_str));
+    let cli::Command::Live(live) = cli::Cli::try_parse_from(words)?.command else {
+        anyhow::bail!("{} is not the command live", arguments.join(" "));
+    };
+    cmd::live_over_datagrams(&live, socket)
+}

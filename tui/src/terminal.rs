@@ -2,7 +2,7 @@
 
 use std::io::{BufWriter, Stdout, Write as _, stdout};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use ratatui::Terminal;
@@ -23,6 +23,9 @@ use crate::timeline::News;
 
 /// How often the screen shows what the background has done while it works.
 const REFRESH: Duration = Duration::from_millis(200);
+
+/// How often the screen shows how live buses are while nothing comes of them.
+const LOOK: Duration = Duration::from_secs(1);
 
 /// Bytes of a whole screen's changes, which go to the terminal at once.
 const OUTPUT: usize = 64 * 1024;
@@ -119,20 +122,16 @@ fn mind_signals(messages: Sender<Message>) -> anyhow::Result<()> {
 pub fn run(app: &mut App, screen: &mut Screen, messages: &Receiver<Message>) -> anyhow::Result<()> {
     let size = screen.0.size().context("the terminal has no size")?;
     app.resize(size.width, size.height);
+    let mut is_new = true;
     loop {
-        screen.0.draw(|frame| app.draw(frame.area(), frame.buffer_mut())).context("drawing failed")?;
-        let first = if app.is_busy() {
-            messages.recv_timeout(REFRESH)
-        } else {
-            messages.recv().map_err(|_| RecvTimeoutError::Disconnected)
-        };
-        let waiting = match first {
-            Ok(message) => Some(message),
-            Err(RecvTimeoutError::Timeout) => None,
-            Err(RecvTimeoutError::Disconnected) => return Ok(()),
-        };
+        // What grew is drawn when the place that is followed is known.
+        if is_new || !app.is_seeking() {
+            screen.0.draw(|frame| app.draw(frame.area(), frame.buffer_mut())).context("drawing failed")?;
+        }
+        let Some(came) = wait(app, messages) else { return Ok(()) };
+        is_new = came.is_empty() || came.iter().any(|message| !matches!(message, Message::News(News::Grew)));
         // Everything that came meanwhile is drawn once.
-        for message in waiting.into_iter().chain(messages.try_iter()) {
+        for message in came.into_iter().chain(messages.try_iter()) {
             match message {
                 Message::Input(event) => input(app, event),
                 Message::News(news) => app.news(news),
@@ -152,6 +151,32 @@ pub fn run(app: &mut App, screen: &mut Screen, messages: &Receiver<Message>) -> 
     }
 }
 
+/// Waits for a reason to draw again; nothing when there will be none. What grows steadily is drawn every [`REFRESH`],
+/// what comes behind a pause at once, what the user does always.
+fn wait(app: &App, messages: &Receiver<Message>) -> Option<Vec<Message>> {
+    let drawn = Instant::now();
+    let mut came = Vec::new();
+    loop {
+        let is_due = !came.is_empty() || app.is_busy();
+        let patience = match is_due {
+            true => REFRESH.saturating_sub(drawn.elapsed()),
+            false if app.is_live() => LOOK,
+            false => Duration::MAX,
+        };
+        match messages.recv_timeout(patience) {
+            Ok(message) => {
+                let can_wait = matches!(message, Message::News(News::Grew)) && drawn.elapsed() < REFRESH;
+                came.push(message);
+                if !can_wait {
+                    return Some(came);
+                }
+            }
+            Err(RecvTimeoutError::Timeout) => return Some(came),
+            Err(RecvTimeoutError::Disconnected) => return None,
+        }
+    }
+}
+
 fn input(app: &mut App, event: Event) {
     match event {
         Event::Key(key) if key.kind != KeyEventKind::Release => app.key(key),
@@ -159,5 +184,46 @@ fn input(app: &mut App, event: Event) {
         Event::Resize(width, height) => app.resize(width, height),
         Event::Paste(text) => app.paste(&text),
         _ => {}
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::io::Read as _;
+
+    use pty_process::blocking::{Command, open};
+
+    use super::*;
+
+    /// Set for the process that panics.
+    const CHILD: &str = "COBSCOPE_TEST_PANIC";
+
+    /// Taken over and given back: alternate screen, mouse, bracketed paste, cursor.
+    const GIVEN_BACK: [&str; 3] = ["\x1b[?1049l", "\x1b[?2004l", "\x1b[?25h"];
+
+    #[test]
+    fn a_panic_gives_the_terminal_back() {
+        if std::env::var_os(CHILD).is_some() {
+            let _screen = Screen::take().unwrap();
+            #[expect(clippy::panic, reason = "what is tested")]
+            {
+                panic!("on purpose");
+            }
+        }
+        let (mut pty, pts) = open().unwrap();
+        let arguments = ["--exact", "terminal::tests::a_panic_gives_the_terminal_back", "--nocapture"];
+        let command = Command::new(std::env::current_exe().unwrap()).args(arguments).env(CHILD, "1");
+        let mut child = command.spawn(pts).unwrap();
+        let mut written = Vec::new();
+        // The end of the child is an error of its terminal.
+        let _ = pty.read_to_end(&mut written);
+        assert!(!child.wait().unwrap().success());
+        let written = String::from_utf8_lossy(&written);
+        let taken = written.find("\x1b[?1049h").expect("the alternate screen");
+        let said = written.find("on purpose").expect("the panic's message");
+        for sequence in GIVEN_BACK {
+            let back = written.find(sequence).unwrap_or_else(|| panic!("no {sequence:?} in {written:?}"));
+            assert!(taken < back && back < said, "the message is read on the screen there was before");
+        }
     }
 }

@@ -10,6 +10,7 @@
 //!
 //! A line or record that cannot be read becomes a [`Notice`]; reading goes on behind it.
 
+pub mod adapter;
 mod asc;
 mod batch;
 mod bus_error;

@@ -44,7 +44,7 @@ fn parts(core: &Core) -> Vec<(String, Role)> {
         parts.push((format!("NOT READ TO THE END: {failure}"), Role::Bad));
     }
     if let Some(live) = core.timeline.live() {
-        live_parts(core, &live.get(), &mut parts);
+        troubles(core, &live.get(), &mut parts);
     }
     parts.extend(buses(core).into_iter().map(|text| (text, Role::Header)));
     let survey = core.timeline.survey();
@@ -68,6 +68,10 @@ fn parts(core: &Core) -> Vec<(String, Role)> {
     if counts.unreadable > 0 {
         parts.push((format!("bad lines {}", counts.unreadable), Role::Bad));
     }
+    if let Some(record) = core.timeline.live().and_then(|live| live.get().record.clone()) {
+        let role = if record.missing > 0 { Role::Bad } else { Role::Header };
+        parts.push((format!("REC {record}"), role));
+    }
     if let Some(stamps) = core.timeline.live().and_then(|live| stamps(&live.get())) {
         parts.push((format!("stamps of {stamps}"), Role::Header));
     } else if let Some(granularity) = quality.granularity() {
@@ -76,8 +80,8 @@ fn parts(core: &Core) -> Vec<(String, Role)> {
     parts
 }
 
-/// What is to be known of live buses besides what came: what is wrong with them first, then the record.
-fn live_parts(core: &Core, live: &Live, parts: &mut Vec<(String, Role)>) {
+/// What is wrong with live buses.
+fn troubles(core: &Core, live: &Live, parts: &mut Vec<(String, Role)>) {
     if let Some(failure) = &live.failure {
         parts.push((format!("ENDED: {}", escape(failure)), Role::Bad));
     }
@@ -92,10 +96,6 @@ fn live_parts(core: &Core, live: &Live, parts: &mut Vec<(String, Role)>) {
     }
     if let Some((bus, change)) = &core.timeline.survey().bit_rate_change {
         parts.push((format!("{bus}: {change}: set the interface too"), Role::Caution));
-    }
-    if let Some(record) = &live.record {
-        let role = if record.missing > 0 { Role::Bad } else { Role::Header };
-        parts.push((format!("REC {record}"), role));
     }
     let dropped = core.timeline.dropped();
     if dropped > 0 {

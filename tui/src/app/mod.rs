@@ -88,6 +88,7 @@ impl App {
             News::Exported(told) => self.core.exported(told),
             News::Failed(text) => self.core.refuse(&text),
             News::Filtered => self.core.refresh(),
+            News::Grew => self.core.timeline.see_growth(),
             News::Indexed if self.core.is_pending() => self.core.refresh(),
             News::Indexed | News::Surveyed | News::Traced => {}
         }
@@ -125,7 +126,12 @@ impl App {
         self.core.timeline.progress().frames()
     }
 
-    /// Whether more is on its way without anything being done.
+    /// Whether the buses are live, so that how they are may change without anything being read.
+    pub fn is_live(&self) -> bool {
+        self.core.timeline.live().is_some_and(|live| !live.get().has_ended)
+    }
+
+    /// Whether more is on its way without anything being done; growth is told.
     pub fn is_busy(&self) -> bool {
         let timeline = &self.core.timeline;
         let is_searching = timeline.matches().is_some_and(|matches| !matches.is_complete());
@@ -133,8 +139,7 @@ impl App {
             || self.core.is_pending()
             || is_searching
             || timeline.is_tracing()
-            || !timeline.progress().is_complete()
-            || !timeline.survey().is_complete
+            || (!timeline.grows() && !(timeline.progress().is_complete() && timeline.survey().is_complete))
     }
 }
 

@@ -77,7 +77,8 @@ impl App {
     pub(super) fn command(&self) -> String {
         // Writing to a string cannot fail.
         let mut command = format!("{} --pane {}", self.command, self.pane.name());
-        if self.core.cursor.frame > 0 {
+        // A bus cannot be gone back to by another run.
+        if self.core.cursor.frame > 0 && self.core.timeline.live().is_none() {
             let _ = write!(command, " --at '#{}'", self.core.cursor.frame);
         }
         if !self.core.filter.is_empty() {

@@ -108,7 +108,8 @@ impl App {
         };
         let mut right = format!("#{place}/{total}");
         if !progress.is_complete() {
-            right = format!("indexing  {right}");
+            let growing = if core.timeline.live().is_some() { "live" } else { "indexing" };
+            right = format!("{growing}  {right}");
         }
         if let Some((first, last)) = core.selected_frames() {
             right = format!("selected #{first} to #{last}  {right}");

@@ -96,7 +96,7 @@ mod tests {
         assert_eq!(bytes("100M"), Ok(104_857_600));
         assert_eq!(bytes("2G"), Ok(2_147_483_648));
         assert_eq!(bytes("512"), Ok(512));
-        assert_eq!(duration("10min"), Ok(Duration::from_secs(600)));
+        assert_eq!(duration("10min"), Ok(Duration::from_mins(10)));
         assert_eq!(duration("90s"), Ok(Duration::from_secs(90)));
         for text in ["", "0", "M", "-1", "99999999999G", "1T"] {
             assert!(bytes(text).is_err(), "{text}");

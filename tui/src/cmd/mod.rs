@@ -58,6 +58,15 @@ pub fn run(cli: Cli) -> Exit {
     }
 }
 
+/// The live command over datagrams.
+///
+/// # Errors
+/// What the command itself would complain about.
+#[cfg(all(target_os = "linux", feature = "socketcan"))]
+pub fn live_over_datagrams(live: &crate::cli::LiveArgs, socket: std::net::UdpSocket) -> anyhow::Result<()> {
+    live::over_datagrams(live, socket)
+}
+
 /// The terminal UI without a terminal.
 ///
 /// # Errors

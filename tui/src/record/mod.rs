@@ -34,7 +34,7 @@ use disk::{Disk, Files};
 use item::{Gap, Item, What};
 use names::Names;
 use parts::{Limits, Parts};
-pub use status::{RecordFailure, RecordStatus, Unheld};
+pub use status::{RecordFailure, RecordStatus};
 
 /// Bytes of memory the queue takes at most: more than half a million frames.
 const QUEUE: usize = 64 * 1024 * 1024;

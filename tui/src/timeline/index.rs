@@ -1,5 +1,6 @@
 //! Reads a capture once from beginning to end and leaves marks on the way.
 
+use std::sync::atomic::Ordering;
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, PoisonError};
 
@@ -11,7 +12,7 @@ use super::walk::Walk;
 pub(super) fn run(shared: &Shared, news: &Sender<News>) {
     match Walk::start(shared) {
         Ok(mut walk) => {
-            go(shared, &mut walk);
+            go(shared, &mut walk, news);
             shared.progress.tell(&walk.world, walk.offset());
             *shared.end.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::new(walk.world));
         }
@@ -23,7 +24,7 @@ pub(super) fn run(shared: &Shared, news: &Sender<News>) {
     let _ = news.send(News::Indexed);
 }
 
-fn go(shared: &Shared, walk: &mut Walk) {
+fn go(shared: &Shared, walk: &mut Walk, news: &Sender<News>) {
     while !shared.is_over() {
         let is_due = shared.index.read().unwrap_or_else(PoisonError::into_inner).is_due(walk.world.frames());
         if is_due && let Some(mark) = walk.mark() {
@@ -31,7 +32,13 @@ fn go(shared: &Shared, walk: &mut Walk) {
             shared.forget();
         }
         match walk.leap(u64::MAX, &mut |_| ()) {
-            Ok(true) => shared.progress.tell(&walk.world, walk.offset()),
+            Ok(true) => {
+                shared.progress.tell(&walk.world, walk.offset());
+                if walk.is_drained() && shared.grows() && !shared.has_told_growth.swap(true, Ordering::AcqRel) {
+                    // The application may be gone.
+                    let _ = news.send(News::Grew);
+                }
+            }
             Ok(false) => return,
             Err(error) => {
                 shared.fail(&error);

@@ -53,6 +53,8 @@ const FIRST_EPOCH_SECOND: i64 = 100_000_000;
 
 /// Something changed.
 pub enum News {
+    /// More of a capture that grows is known.
+    Grew,
     /// The capture is read to its end.
     Indexed,
     /// The survey is complete.
@@ -215,6 +217,16 @@ impl Timeline {
                 .filter_map(|lane| Some(format!("{}: {}", lane.store.name(), lane.store.failure()?)));
             failures.next()
         })
+    }
+
+    /// Whether more of a capture may come.
+    pub fn grows(&self) -> bool {
+        self.shared.grows()
+    }
+
+    /// What grew has been seen: further growth is told again.
+    pub fn see_growth(&self) {
+        self.shared.has_told_growth.store(false, Ordering::Release);
     }
 
     /// How the buses are, where they are live.

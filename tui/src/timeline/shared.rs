@@ -44,6 +44,8 @@ pub struct Shared {
     pub(super) progress: Progress,
     /// How many threads follow signals.
     pub(super) tracing: AtomicUsize,
+    /// Growth was told, and not seen yet.
+    pub(super) has_told_growth: AtomicBool,
     is_over: AtomicBool,
     /// Whether what can wait for the index may begin.
     may_begin: Mutex<bool>,
@@ -115,6 +117,7 @@ impl Shared {
             failure: Mutex::default(),
             progress: Progress::default(),
             tracing: AtomicUsize::new(0),
+            has_told_growth: AtomicBool::new(false),
             is_over: AtomicBool::new(false),
             may_begin: Mutex::new(false),
             begins: Condvar::new(),
@@ -158,7 +161,7 @@ impl Shared {
 
     /// Whether more frames are still coming, and these are all by now.
     pub(super) fn is_at_head(&self, frames: u64) -> bool {
-        frames >= self.progress.frames() && !self.lanes.iter().all(|lane| lane.store.length().1)
+        frames >= self.progress.frames() && self.grows()
     }
 
     pub(super) fn fail(&self, error: &CaptureError) {
@@ -166,9 +169,14 @@ impl Shared {
         failure.get_or_insert_with(|| error.to_string());
     }
 
+    /// Whether more of a capture may come.
+    pub(super) fn grows(&self) -> bool {
+        self.lanes.iter().any(|lane| !lane.store.length().1)
+    }
+
     /// Leaves the processors to the index until it is complete; of what still grows nobody waits for the end.
     pub(super) fn wait_for_index(&self) {
-        if self.lanes.iter().any(|lane| !lane.store.length().1) {
+        if self.grows() {
             return;
         }
         let mut may_begin = self.may_begin.lock().unwrap_or_else(PoisonError::into_inner);

@@ -12,6 +12,7 @@
 )]
 #![allow(dead_code, reason = "fuzzer, seed writer and replay use a part each")]
 
+pub mod adapter;
 pub mod dbc;
 pub mod device_file;
 pub mod expectations;
@@ -22,6 +23,7 @@ pub mod reader;
 pub mod session;
 pub mod wire;
 
+pub use adapter::{slcan, socketcand};
 pub use dbc::dbc;
 pub use device_file::device_file;
 pub use expectations::expectations;
@@ -42,6 +44,8 @@ pub const TARGETS: &[Target] = &[
     ("asc", asc),
     ("pcap", pcap),
     ("pcapng", pcapng),
+    ("slcan", slcan),
+    ("socketcand", socketcand),
     ("any", any),
     ("nmt", nmt),
     ("error_control", error_control),

@@ -25,7 +25,7 @@ use crate::cmd::input::{session_options, setup};
 use crate::cmd::is_colored;
 use crate::cmd::print::Printer;
 use crate::exit_code::Exit;
-use crate::source::live::{Arrival, Live, SourceSpec, socketcan};
+use crate::source::live::{Arrival, Live, Source, SourceSpec, socketcan};
 use crate::timeline::bit_rate_change;
 
 /// How long nothing is waited for at most.
@@ -33,6 +33,14 @@ const WAIT: Duration = Duration::from_millis(50);
 
 /// Watches until it is told to end.
 pub(super) fn run(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> Result<Exit, Refusal> {
+    watch(arguments, || open(arguments, specs))
+}
+
+/// Watches sources that are opened when everything else is known to be right.
+pub(super) fn watch(
+    arguments: &LiveArgs,
+    sources: impl FnOnce() -> anyhow::Result<Vec<Box<dyn Source>>>,
+) -> Result<Exit, Refusal> {
     let today = jiff::Zoned::now().date().to_string();
     let ready = session_options(&arguments.input).and_then(|options| {
         let setup = setup(&arguments.input, &options.catalogue, Some(today))?;
@@ -41,7 +49,7 @@ pub(super) fn run(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> Result<Exit, 
     let (options, setup) = ready.map_err(|error| (Exit::Profile, error))?;
     let printer = Printer::new(&arguments.lines, &arguments.select).map_err(|error| (Exit::Usage, error))?;
     let interrupted = interrupted().map_err(|error| (Exit::Capture, error))?;
-    let sources = open(arguments, specs).map_err(|error| (Exit::Capture, error))?;
+    let sources = sources().map_err(|error| (Exit::Capture, error))?;
     let recorder = recorder(arguments).map_err(|error| (Exit::Usage, error))?;
     let (pump, inbox) = Pump::start(sources, recorder).map_err(|error| (Exit::Capture, error))?;
     greet(&pump.state.get());
@@ -56,15 +64,15 @@ pub(super) fn run(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> Result<Exit, 
     watch.run(arguments, &inbox, &interrupted);
     drop(inbox);
     let state = pump.state.clone();
-    let recorded = pump.finish();
+    let outcome = pump.finish();
     let live = state.get().clone();
     let exit = watch.finish(arguments, &live);
     for bus in &live.buses {
         say(&format!("{}; {} lost", shown(bus), plural(bus.lost)));
     }
-    if let Some(recorded) = &recorded {
-        say(&format!("recorded {recorded}"));
-        recorded.remarks().iter().for_each(|remark| say(remark));
+    if let Some(outcome) = &outcome {
+        say(&format!("recorded {outcome}"));
+        outcome.remarks().iter().for_each(|remark| say(remark));
     }
     if let Some(failure) = &live.failure {
         say(failure);

@@ -16,7 +16,7 @@ use super::input::read_options;
 use crate::cli::LiveArgs;
 use crate::exit_code::Exit;
 use crate::record::{RecordOptions, Recorder};
-use crate::source::live::{BusStatus, Source, SourceSpec, socketcan};
+use crate::source::live::{BusStatus, Source, SourceSpec, lines as text, slcan, socketcan, socketcand};
 
 /// Runs the command.
 pub fn run(arguments: &LiveArgs) -> Exit {
@@ -42,6 +42,16 @@ pub fn run(arguments: &LiveArgs) -> Exit {
     })
 }
 
+/// Watches datagrams that stand for frames.
+///
+/// # Errors
+/// As the command itself.
+#[cfg(all(target_os = "linux", feature = "socketcan"))]
+pub fn over_datagrams(arguments: &LiveArgs, socket: std::net::UdpSocket) -> anyhow::Result<()> {
+    let sources = || Ok(vec![socketcan::stand_in(socket)?]);
+    lines::watch(arguments, sources).map(|_| ()).map_err(|(_, error)| error)
+}
+
 /// What went wrong before anything was watched.
 type Refusal = (Exit, anyhow::Error);
 
@@ -51,7 +61,8 @@ fn list() -> Exit {
     let mut out = std::io::stdout();
     let mut text = String::new();
     for status in &interfaces {
-        text.push_str(&format!("{}\n", shown(status)));
+        text.push_str(&shown(status));
+        text.push('\n');
     }
     let hint = if interfaces.is_empty() {
         "no CAN interface on this computer; "
@@ -95,7 +106,10 @@ fn open(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> anyhow::Result<Vec<Box<
     for spec in specs {
         match spec {
             SourceSpec::SocketCan(spec) => interfaces.push(spec),
-            _ => bail!("not yet {read:?}"),
+            SourceSpec::Slcan { device, bit_rate } => sources.push(slcan::open(&device, bit_rate)?),
+            SourceSpec::Socketcand { address, bus } => sources.push(socketcand::open(&address, &bus)?),
+            SourceSpec::Stdin => sources.push(text::stdin(read)?),
+            SourceSpec::File(path) => sources.push(text::follow(&path, read)?),
         }
     }
     if !interfaces.is_empty() {

@@ -46,11 +46,11 @@ pub(super) fn run(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> Result<Exit, 
     let read = read_options(&arguments.input);
     let captures = Captures { paths: Vec::new(), align: false, read, session, rules, live };
     let shown = show(arguments, captures, has_stdin);
-    let recorded = pump.finish();
+    let outcome = pump.finish();
     // The pump's end is the spool's.
     let _ = spool.join();
-    if let Some(recorded) = recorded {
-        for text in std::iter::once(format!("recorded {recorded}")).chain(recorded.remarks()) {
+    if let Some(outcome) = outcome {
+        for text in std::iter::once(format!("recorded {outcome}")).chain(outcome.remarks()) {
             let _ = writeln!(std::io::stderr(), "cobscope: {text}");
         }
     }

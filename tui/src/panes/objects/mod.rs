@@ -169,7 +169,7 @@ impl Pane for Objects {
     fn act(&mut self, action: Action, core: &Core) -> Vec<Effect> {
         match action {
             Action::Down | Action::Up | Action::PageDown | Action::PageUp | Action::Top | Action::Bottom => {
-                self.go(core, action)
+                self.go(core, action);
             }
             Action::Left => self.state.move_column(-1, columns().len()),
             Action::Right => self.state.move_column(1, columns().len()),

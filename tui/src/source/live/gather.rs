@@ -297,7 +297,7 @@ mod tests {
     /// All that comes, as bus, number and time.
     fn all(mut gather: Gather) -> Vec<(String, u64, i64)> {
         let mut found = Vec::new();
-        while let Some(items) = gather.next(Duration::from_secs(60)) {
+        while let Some(items) = gather.next(Duration::from_mins(1)) {
             for item in items {
                 let Arrival::Frame(frame) = item else { panic!("{item:?}") };
                 let name = gather.names().names()[usize::from(frame.bus.0)].clone();
@@ -378,7 +378,7 @@ mod tests {
         outbox.send(Delivery { source: 0, what: What::Items { names, items: vec![frame(7)] } }).unwrap();
         drop(outbox);
         let mut order = Vec::new();
-        while let Some(items) = gather.next(Duration::from_secs(60)) {
+        while let Some(items) = gather.next(Duration::from_mins(1)) {
             order.extend(items.into_iter().map(|item| match item {
                 Arrival::Frame(frame) => frame.time.unwrap().0,
                 Arrival::Notice(Notice::Link { time, .. }) => time.0,

@@ -9,12 +9,22 @@
 //! A source tells of its buses what a recorder knows: frames, links that open and close, frames that were lost.
 //! Where it is gone it comes back by itself.
 
+mod backoff;
+mod clock;
 mod gather;
+pub mod lines;
+mod returning;
+#[cfg(feature = "serial")]
+pub mod slcan;
+#[cfg(not(feature = "serial"))]
+#[path = "no_slcan.rs"]
+pub mod slcan;
 #[cfg(all(target_os = "linux", feature = "socketcan"))]
 pub mod socketcan;
 #[cfg(not(all(target_os = "linux", feature = "socketcan")))]
 #[path = "no_socketcan.rs"]
 pub mod socketcan;
+pub mod socketcand;
 mod spec;
 mod state;
 

@@ -18,7 +18,7 @@ use super::datagrams::{Datagram, Datagrams, now};
 
 /// Bytes asked of the kernel for frames that wait: 30,000 of them, 0.7 s of two full buses. Without rights the kernel
 /// gives less.
-const BUFFER: usize = 8 * 1024 * 1024;
+pub(super) const BUFFER: usize = 8 * 1024 * 1024;
 
 /// Frames taken at once, so that a flood on one interface does not starve the others.
 const MOST: usize = 4_096;
@@ -88,12 +88,7 @@ impl Interface {
         if setsockopt(&socket, sockopt::RcvBufForce, &BUFFER).is_err() {
             setsockopt(&socket, sockopt::RcvBuf, &BUFFER)?;
         }
-        setsockopt(&socket, sockopt::RxqOvfl, &1)?;
-        let stamps = TimestampingFlag::SOF_TIMESTAMPING_RX_SOFTWARE
-            | TimestampingFlag::SOF_TIMESTAMPING_SOFTWARE
-            | TimestampingFlag::SOF_TIMESTAMPING_RX_HARDWARE
-            | TimestampingFlag::SOF_TIMESTAMPING_RAW_HARDWARE;
-        setsockopt(&socket, sockopt::Timestamping, &stamps)?;
+        set_stamps(&socket)?;
         let index = self.details.as_ref().map_or(0, |details| details.index);
         self.socket = Some(Bound { socket, index, datagrams: Datagrams::default() });
         Ok(())
@@ -101,8 +96,7 @@ impl Interface {
 
     /// Asks the kernel how it is; `false` where it is gone.
     fn look(&mut self) -> bool {
-        self.details =
-            CanInterface::open(&self.spec.name).and_then(|interface| Ok(interface.details()?)).ok();
+        self.details = CanInterface::open(&self.spec.name).and_then(|interface| interface.details()).ok();
         self.details.is_some()
     }
 
@@ -114,7 +108,7 @@ impl Interface {
         if !is_same {
             self.socket = None;
             if is_there && let Err(error) = self.bind() {
-                self.say(format!("{}: cannot be opened again: {error}", self.spec.name), arrivals);
+                say(format!("{}: cannot be opened again: {error}", self.spec.name), arrivals);
             }
         }
         let state = match (&self.details, &self.socket) {
@@ -148,13 +142,9 @@ impl Interface {
             Err(Errno::ENETDOWN | Errno::ENODEV | Errno::ENXIO) => self.watch(arrivals),
             Err(error) => {
                 self.socket = None;
-                self.say(format!("{}: reading failed: {}", self.spec.name, error.desc()), arrivals);
+                say(format!("{}: reading failed: {}", self.spec.name, error.desc()), arrivals);
             }
         }
-    }
-
-    fn say(&self, text: String, arrivals: &mut Arrivals) {
-        arrivals.items.push(Arrival::Notice(Notice::Assumption(text)));
     }
 
     fn bus(&self, names: &mut BusNames) -> Option<BusIndex> {
@@ -184,8 +174,22 @@ impl Interface {
     }
 }
 
+/// Has frames stamped, by the hardware too where it can, and losses counted.
+pub(super) fn set_stamps(socket: &impl AsFd) -> nix::Result<()> {
+    setsockopt(socket, sockopt::RxqOvfl, &1)?;
+    let stamps = TimestampingFlag::SOF_TIMESTAMPING_RX_SOFTWARE
+        | TimestampingFlag::SOF_TIMESTAMPING_SOFTWARE
+        | TimestampingFlag::SOF_TIMESTAMPING_RX_HARDWARE
+        | TimestampingFlag::SOF_TIMESTAMPING_RAW_HARDWARE;
+    setsockopt(socket, sockopt::Timestamping, &stamps)
+}
+
+fn say(text: String, arrivals: &mut Arrivals) {
+    arrivals.items.push(Arrival::Notice(Notice::Assumption(text)));
+}
+
 /// Takes a frame, and tells first what was lost before it.
-fn take(datagram: &Datagram<'_>, bus: BusIndex, items: &mut Vec<Arrival>) {
+pub(super) fn take(datagram: &Datagram<'_>, bus: BusIndex, items: &mut Vec<Arrival>) {
     let place = Place::Now;
     if datagram.lost > 0 {
         let count = Some(datagram.lost.into());

@@ -2,7 +2,9 @@
 
 mod datagrams;
 mod interface;
+mod stand_in;
 
+use std::os::fd::BorrowedFd;
 use std::time::{Duration, Instant};
 
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
@@ -12,6 +14,7 @@ use super::{Arrivals, BusStatus, Ended, Source};
 use interface::Interface;
 
 pub use interface::how_to_bring_up;
+pub use stand_in::stand_in;
 use interface::interfaces;
 
 /// The name that stands for all interfaces.
@@ -94,6 +97,12 @@ impl Interfaces {
             .map(|((place, _), _)| *place)
             .collect()
     }
+}
+
+/// Waits until a socket can be read, at most `wait`.
+fn is_readable(socket: BorrowedFd<'_>, wait: Duration) -> bool {
+    let wait = PollTimeout::try_from(wait).unwrap_or(PollTimeout::MAX);
+    poll(&mut [PollFd::new(socket, PollFlags::POLLIN)], wait).is_ok_and(|count| count > 0)
 }
 
 impl Source for Interfaces {

@@ -1,0 +1,381 @@
+//! The serial text protocol of Lawicel's CAN232 and CANUSB ("slcan"), with the FD frames of CANable 2.
+//!
+//! ```text
+//! t 123 2 11 22 [EA5F] CR     11-bit data frame: identifier, DLC, data, milliseconds 0..=59,999
+//! T 18FEF100 1 AA CR          29-bit        r, R  remote frames: no data behind the DLC
+//! d, D  FD frame       b, B  FD frame with bit rate switch: DLC 9..F stand for 12..64 bytes
+//! CR done    BEL refused    F 00 CR status flags
+//! s p 130 005 CR              state (a, w, p, b) and receive and transmit error counters, decimal
+//! e 2 a c CR                  bus errors, counted
+//! ```
+//!
+//! Sources: Lawicel, CAN232 manual version 3; README of the CANable 2 firmware (normaldotcom/canable2-fw);
+//! the state and error lines are those of Linux' slcan driver (drivers/net/can/slcan/slcan-core.c).
+
+use std::fmt;
+
+use super::super::text::excerpt;
+use super::{Begun, hexadecimal};
+use crate::frame::{CanId, Frame, FrameFlags, fd_length};
+
+/// Longest line that is read, in bytes without its end; the longest frame has 142.
+pub const LONGEST_LINE: usize = 160;
+
+/// Ends a line, and by itself says "done".
+const CR: u8 = b'\r';
+
+/// Says "refused".
+const BEL: u8 = 0x07;
+
+/// A bit rate the protocol has a command for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BitRate(usize);
+
+/// Bit rates in bit/s and the commands that set them. (Some CANable firmware has 750,000 for `S7`.)
+const BIT_RATES: [(u32, &[u8]); 9] = [
+    (10_000, b"S0\r"),
+    (20_000, b"S1\r"),
+    (50_000, b"S2\r"),
+    (100_000, b"S3\r"),
+    (125_000, b"S4\r"),
+    (250_000, b"S5\r"),
+    (500_000, b"S6\r"),
+    (800_000, b"S7\r"),
+    (1_000_000, b"S8\r"),
+];
+
+impl BitRate {
+    /// The rate of so many bit/s; `None` where the protocol has no command for it.
+    pub fn of(bits_per_second: u32) -> Option<Self> {
+        BIT_RATES.iter().position(|(rate, _)| *rate == bits_per_second).map(Self)
+    }
+
+    /// All of them, in bit/s, ascending.
+    pub fn all() -> impl Iterator<Item = u32> {
+        BIT_RATES.iter().map(|(rate, _)| *rate)
+    }
+}
+
+/// What an adapter can be told. There is no command here that transmits a frame, or that opens the channel
+/// in another mode than listening, and no way to make one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Command {
+    /// Closes the channel.
+    Close,
+    /// Sets the bit rate; only while the channel is closed.
+    SetBitRate(BitRate),
+    /// Puts milliseconds behind each frame; only while the channel is closed.
+    TimestampsOn,
+    /// Opens the channel to listen only: the controller does not even acknowledge frames.
+    Listen,
+    /// Asks for the status flags, which clears them.
+    ReadFlags,
+}
+
+impl Command {
+    /// The bytes to write, a whole line.
+    pub fn bytes(self) -> &'static [u8] {
+        match self {
+            Self::Close => b"C\r",
+            Self::SetBitRate(BitRate(index)) => BIT_RATES.get(index).map_or(b"C\r", |(_, bytes)| bytes),
+            Self::TimestampsOn => b"Z1\r",
+            Self::Listen => b"L\r",
+            Self::ReadFlags => b"F\r",
+        }
+    }
+}
+
+/// The adapter's status flags since they were last read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct StatusFlags(pub u8);
+
+/// Bit and meaning, as the CAN232 manual has them under `F`.
+const FLAGS: [(u8, &str); 7] = [
+    (0, "receive queue full"),
+    (1, "transmit queue full"),
+    (2, "error warning"),
+    (3, "data overrun"),
+    (5, "error passive"),
+    (6, "arbitration lost"),
+    (7, "bus error"),
+];
+
+impl StatusFlags {
+    /// Whether frames did not reach the computer: the queue was full (bit 0) or the controller overran (bit 3).
+    pub const fn lost_frames(self) -> bool {
+        self.0 & 0b1001 != 0
+    }
+}
+
+/// What is set, in words: `error warning, bus error`; nothing where nothing is.
+impl fmt::Display for StatusFlags {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let set = FLAGS.iter().filter(|(bit, _)| self.0 >> bit & 1 != 0);
+        for (index, (_, name)) in set.enumerate() {
+            f.write_str(if index == 0 { "" } else { ", " })?;
+            f.write_str(name)?;
+        }
+        Ok(())
+    }
+}
+
+/// How far a controller takes part in its bus (ISO 11898-1, fault confinement).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Confinement {
+    /// Both counters below 96.
+    Active,
+    /// A counter of 96 or more.
+    Warning,
+    /// A counter of 128 or more.
+    Passive,
+    /// The transmit counter went past 255: off the bus.
+    BusOff,
+}
+
+/// State of the adapter's controller.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ControllerState {
+    /// Fault confinement.
+    pub confinement: Confinement,
+    /// Receive error counter.
+    pub receive_errors: u16,
+    /// Transmit error counter.
+    pub transmit_errors: u16,
+}
+
+/// `error passive, rx 130 tx 5`.
+impl fmt::Display for ControllerState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = match self.confinement {
+            Confinement::Active => "error active",
+            Confinement::Warning => "error warning",
+            Confinement::Passive => "error passive",
+            Confinement::BusOff => "bus-off",
+        };
+        write!(f, "{name}, rx {} tx {}", self.receive_errors, self.transmit_errors)
+    }
+}
+
+/// What an adapter said.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Reply {
+    /// A frame without number and time, on bus 0, and the adapter's milliseconds, which begin anew each minute.
+    Frame(Frame, Option<u16>),
+    /// The last command was carried out.
+    Done,
+    /// The last command was refused.
+    Refused,
+    /// Its status flags.
+    Flags(StatusFlags),
+    /// Its controller changed its state; the error frame that says so follows.
+    State(ControllerState),
+    /// A line that is none of these: what was found and expected. Escaped already.
+    Unreadable(String),
+}
+
+/// Reads what an adapter sends, in whatever pieces it comes.
+#[derive(Debug, Clone, Default)]
+pub struct Reader {
+    begun: Begun,
+}
+
+impl Reader {
+    /// Reads `input`, which follows what was read before, and gives each reply that is complete.
+    pub fn read(&mut self, input: &[u8], mut give: impl FnMut(Reply)) {
+        let mut rest = input;
+        while let Some(end) = memchr::memchr2(CR, BEL, rest) {
+            let (piece, behind) = rest.split_at_checked(end).unwrap_or((rest, &[]));
+            let (is_refused, after) = match behind {
+                [first, after @ ..] => (*first == BEL, after),
+                [] => (false, behind),
+            };
+            rest = after;
+            if self.begun.bytes.is_empty() && piece.len() <= LONGEST_LINE {
+                line(piece, is_refused, &mut give);
+                continue;
+            }
+            self.begun.add(piece, LONGEST_LINE);
+            if self.begun.is_too_long {
+                let start = excerpt(&self.begun.bytes);
+                give(Reply::Unreadable(format!(
+                    "slcan: no line has over {LONGEST_LINE} bytes; found {start}"
+                )));
+                if is_refused {
+                    give(Reply::Refused);
+                }
+            } else {
+                line(&self.begun.bytes, is_refused, &mut give);
+            }
+            self.begun.clear();
+        }
+        self.begun.add(rest, LONGEST_LINE);
+    }
+
+    /// Forgets the beginning of a line: what follows comes of another connection.
+    pub fn reset(&mut self) {
+        self.begun.clear();
+    }
+}
+
+/// One line; a refusal ends the line it stands in, which is then cut short.
+fn line(line: &[u8], is_refused: bool, give: &mut impl FnMut(Reply)) {
+    // Firmware that ends its lines with CR LF leaves the LF in front of the next.
+    let line = line.trim_ascii();
+    let unreadable = |what: &str| Reply::Unreadable(format!("slcan: {what}; found {}", excerpt(line)));
+    if is_refused {
+        if !line.is_empty() {
+            give(unreadable("a line that breaks off"));
+        }
+        return give(Reply::Refused);
+    }
+    match line {
+        [] => give(Reply::Done),
+        [b'F', digits @ ..] => give(match hexadecimal(digits).and_then(|flags| u8::try_from(flags).ok()) {
+            Some(flags) if digits.len() == 2 => Reply::Flags(StatusFlags(flags)),
+            _ => unreadable("expected two hex digits of status flags after F"),
+        }),
+        [b's', rest @ ..] => match state(rest) {
+            Some(state) => {
+                give(Reply::State(state));
+                give(Reply::Frame(state_frame(state), None));
+            }
+            None => give(unreadable("expected s, one of a, w, p, b and two counters of three digits")),
+        },
+        [b'e', rest @ ..] => give(match error_frame(rest) {
+            Some(frame) => Reply::Frame(frame, None),
+            None => unreadable("expected e, a count and so many of the letters a, b, B, c, f, o, O, s"),
+        }),
+        [kind, rest @ ..] => give(match KINDS.iter().find(|(letter, ..)| letter == kind) {
+            Some((_, is_extended, flags)) => match frame(*is_extended, *flags, rest) {
+                Ok((frame, milliseconds)) => Reply::Frame(frame, milliseconds),
+                Err(what) => unreadable(what),
+            },
+            None => unreadable("expected a frame (t, T, r, R, d, D, b, B), F, s or e"),
+        }),
+    }
+}
+
+/// Letter of each kind of frame, whether its identifier has 29 bits, and its flags.
+const KINDS: [(u8, bool, FrameFlags); 8] = [
+    (b't', false, FrameFlags(0)),
+    (b'T', true, FrameFlags(0)),
+    (b'r', false, FrameFlags::REMOTE),
+    (b'R', true, FrameFlags::REMOTE),
+    (b'd', false, FrameFlags::FD),
+    (b'D', true, FrameFlags::FD),
+    (b'b', false, FrameFlags::FD.with(FrameFlags::BIT_RATE_SWITCH)),
+    (b'B', true, FrameFlags::FD.with(FrameFlags::BIT_RATE_SWITCH)),
+];
+
+/// What stands behind the letter of a frame.
+fn frame(is_extended: bool, flags: FrameFlags, rest: &[u8]) -> Result<(Frame, Option<u16>), &'static str> {
+    const SHORT: &str = "frame: shorter than its identifier and DLC";
+    let (digits, rest) = rest.split_at_checked(if is_extended { 8 } else { 3 }).ok_or(SHORT)?;
+    let number = hexadecimal(digits).ok_or("identifier: expected hex digits")?;
+    let id = match u16::try_from(number) {
+        Ok(number) if !is_extended && number <= 0x7FF => CanId::standard(number),
+        _ if is_extended && number <= 0x1FFF_FFFF => CanId::extended(number),
+        _ => return Err("identifier: expected at most 7FF, or 1FFFFFFF behind a capital letter"),
+    };
+    let (dlc, rest) = rest.split_first().ok_or(SHORT)?;
+    let dlc = char::from(*dlc).to_digit(16).and_then(|dlc| u8::try_from(dlc).ok());
+    let dlc = dlc.ok_or("DLC: expected a hex digit")?;
+    let mut frame = Frame { id, flags, ..Frame::EMPTY };
+    if flags.contains(FrameFlags::FD) {
+        frame.length = fd_length(dlc);
+    } else {
+        // Classic frames may say 9..15 and carry eight bytes (ISO 11898-1).
+        frame.length = dlc.min(8);
+        frame.raw_dlc = if dlc > 8 { dlc } else { 0 };
+    }
+    let count = if flags.contains(FrameFlags::REMOTE) { 0 } else { usize::from(frame.length) };
+    let (data, rest) = rest.split_at_checked(2 * count).ok_or("data: fewer bytes than the DLC says")?;
+    for (slot, digits) in frame.bytes.iter_mut().zip(data.chunks_exact(2)) {
+        let byte = hexadecimal(digits).and_then(|byte| u8::try_from(byte).ok());
+        *slot = byte.ok_or("data: expected pairs of hex digits")?;
+    }
+    let stamp = match rest.len() {
+        0 => None,
+        4 => Some(hexadecimal(rest).and_then(|stamp| u16::try_from(stamp).ok()).ok_or(STAMP)?),
+        _ => return Err(STAMP),
+    };
+    Ok((frame, stamp))
+}
+
+const STAMP: &str = "behind the data: expected nothing or four hex digits of milliseconds";
+
+/// Letter, three digits, three digits.
+fn state(rest: &[u8]) -> Option<ControllerState> {
+    let [letter, counters @ ..] = rest else { return None };
+    let confinement = match letter {
+        b'a' => Confinement::Active,
+        b'w' => Confinement::Warning,
+        b'p' => Confinement::Passive,
+        b'b' => Confinement::BusOff,
+        _ => return None,
+    };
+    if counters.len() != 6 || !counters.iter().all(u8::is_ascii_digit) {
+        return None;
+    }
+    let number =
+        |digits: &[u8]| digits.iter().fold(0_u16, |value, digit| value * 10 + u16::from(digit - b'0'));
+    let (receive, transmit) = counters.split_at_checked(3)?;
+    Some(ControllerState { confinement, receive_errors: number(receive), transmit_errors: number(transmit) })
+}
+
+/// The error frame SocketCAN makes of a state (linux/can/error.h): counters in bytes 6 and 7.
+fn state_frame(state: ControllerState) -> Frame {
+    const CONTROLLER: u32 = 0x004;
+    const BUS_OFF: u32 = 0x040;
+    const COUNTERS: u32 = 0x200;
+    let [transmit, receive] =
+        [state.transmit_errors, state.receive_errors].map(|count| u8::try_from(count).unwrap_or(u8::MAX));
+    let (is_receive, is_transmit) = (receive >= transmit, transmit >= receive);
+    let either = |on_receive: u8, on_transmit: u8| {
+        (if is_receive { on_receive } else { 0 }) | (if is_transmit { on_transmit } else { 0 })
+    };
+    let (class, controller) = match state.confinement {
+        Confinement::Active => (CONTROLLER, 0x40),
+        Confinement::Warning => (CONTROLLER, either(0x04, 0x08)),
+        Confinement::Passive => (CONTROLLER, either(0x10, 0x20)),
+        Confinement::BusOff => (BUS_OFF, 0),
+    };
+    error(class | COUNTERS, [0, controller, 0, 0, 0, 0, transmit, receive])
+}
+
+fn error(classes: u32, bytes: [u8; 8]) -> Frame {
+    Frame { flags: FrameFlags::ERROR, ..Frame::data_frame(CanId::extended(classes), &bytes) }
+}
+
+/// Letter of a bus error, its class besides "protocol" and "bus error", and which byte of the error frame
+/// has which bits (linux/can/error.h).
+const ERRORS: [(u8, u32, usize, u8); 8] = [
+    (b'a', 0x20, 3, 0x19),
+    (b'b', 0, 2, 0x08),
+    (b'B', 0, 2, 0x10),
+    (b'c', 0, 3, 0x08),
+    (b'f', 0, 2, 0x02),
+    (b'o', 0x04, 1, 0x01),
+    (b'O', 0x04, 1, 0x02),
+    (b's', 0, 2, 0x04),
+];
+
+/// A count and so many letters: the error frame SocketCAN makes of them.
+fn error_frame(rest: &[u8]) -> Option<Frame> {
+    let (count, letters) = rest.split_first()?;
+    let count = usize::from(count.checked_sub(b'0')?);
+    if letters.is_empty() || letters.len() != count || count > 8 {
+        return None;
+    }
+    let mut classes = 0x08 | 0x80;
+    let mut bytes = [0; 8];
+    for letter in letters {
+        let (_, class, index, bits) = ERRORS.iter().find(|(known, ..)| known == letter)?;
+        classes |= class;
+        *bytes.get_mut(*index)? |= bits;
+    }
+    Some(error(classes, bytes))
+}
+
+#[cfg(test)]
+mod tests;

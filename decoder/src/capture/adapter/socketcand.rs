@@ -1,0 +1,342 @@
+//! The text protocol of socketcand, which serves the CAN interfaces of a Linux machine over TCP.
+//!
+//! ```text
+//! server                                      client
+//! < hi >                                      < open can0 >
+//! < ok >                                      < rawmode >
+//! < ok >
+//! < frame 123 1700000000.123456 1122 >        times are the server's, in seconds since 1970
+//! < frame 18FEF100 1700000000.123456 >        eight digits: a 29-bit identifier
+//! < fdframe 123 05 1700000000.123456 11 >     flags as in Linux' struct canfd_frame
+//! < rtr 123 1700000000.123456 4 >             remote frame and its length
+//! < error 004 1700000000.123456 >             error frame: classes only, its data is not handed on
+//! < error could not open bus >                anything else behind "error" is said to the client
+//! ```
+//!
+//! Sources: doc/protocol.md and state_raw.c of linux-can/socketcand. The document has blanks between data
+//! bytes, the program writes none: both are read.
+
+use super::super::columns::{self, Words};
+use super::super::text::excerpt;
+use super::{Begun, hexadecimal};
+use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, Timestamp, fd_length};
+
+/// Longest element that is read, in bytes between its brackets; an FD frame with blanks has 240.
+pub const LONGEST_ELEMENT: usize = 512;
+
+/// Longest name of a bus: the server keeps names of Linux interfaces.
+pub const LONGEST_NAME: usize = 15;
+
+/// Name of a bus that can be asked for: nothing in it can end the element it stands in.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct BusName(String);
+
+impl BusName {
+    /// The name, if it has 1 to [`LONGEST_NAME`] printable ASCII characters and no blank, `<`, `>` or `/`.
+    pub fn new(name: &str) -> Option<Self> {
+        let is_plain = |byte: u8| byte.is_ascii_graphic() && !b"<>/".contains(&byte);
+        ((1..=LONGEST_NAME).contains(&name.len()) && name.bytes().all(is_plain)).then(|| Self(name.into()))
+    }
+
+    /// The name itself.
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+/// What a server can be asked for. There is no request here that sends a frame, and no way to make one.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Request {
+    /// To open a bus.
+    Open(BusName),
+    /// To hand over every frame from now on.
+    RawMode,
+    /// To answer, whatever the bus does: a connection that is dead says nothing either.
+    Echo,
+}
+
+impl Request {
+    /// The text to write.
+    pub fn text(&self) -> String {
+        match self {
+            Self::Open(BusName(name)) => format!("< open {name} >"),
+            Self::RawMode => "< rawmode >".into(),
+            Self::Echo => "< echo >".into(),
+        }
+    }
+}
+
+/// What a server said.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Reply {
+    /// It is a socketcand and waits for a request.
+    Hi,
+    /// The last request was carried out.
+    Ok,
+    /// The answer to [`Request::Echo`].
+    Echo,
+    /// A frame with the server's time, without number, on bus 0.
+    Frame(Frame),
+    /// What it complains about. Escaped already.
+    Error(String),
+    /// None of these: what was found and expected. Escaped already.
+    Unreadable(String),
+}
+
+/// Reads what a server sends, in whatever pieces it comes.
+#[derive(Debug, Clone, Default)]
+pub struct Reader {
+    begun: Begun,
+    is_inside: bool,
+}
+
+impl Reader {
+    /// Reads `input`, which follows what was read before, and gives each reply that is complete.
+    pub fn read(&mut self, input: &[u8], mut give: impl FnMut(Reply)) {
+        let mut rest = input;
+        while let Some(end) = memchr::memchr2(b'<', b'>', rest) {
+            let (piece, behind) = rest.split_at_checked(end).unwrap_or((rest, &[]));
+            self.begun.add(piece, LONGEST_ELEMENT);
+            let is_opening = behind.first() == Some(&b'<');
+            self.complete(is_opening, &mut give);
+            self.begun.clear();
+            self.is_inside = is_opening;
+            rest = behind.get(1..).unwrap_or_default();
+        }
+        self.begun.add(rest, LONGEST_ELEMENT);
+    }
+
+    /// What stands before a bracket: an element, or what should not be there.
+    fn complete(&self, is_opening: bool, give: &mut impl FnMut(Reply)) {
+        let text = self.begun.bytes.trim_ascii();
+        let unreadable =
+            |what: &str| Reply::Unreadable(format!("socketcand: {what}; found {}", excerpt(text)));
+        if self.begun.is_too_long {
+            return give(unreadable("no element has over 512 bytes"));
+        }
+        match (self.is_inside, is_opening) {
+            (true, false) => give(element(text).unwrap_or_else(unreadable)),
+            (false, true) if text.is_empty() => {}
+            (true, true) => give(unreadable("an element that breaks off")),
+            (false, _) => give(unreadable("expected nothing between elements")),
+        }
+    }
+}
+
+/// What stands between `<` and `>`.
+fn element(text: &[u8]) -> Result<Reply, &'static str> {
+    let mut words = Words::new(text);
+    match words.next().unwrap_or_default() {
+        b"hi" => Ok(Reply::Hi),
+        b"ok" => Ok(Reply::Ok),
+        b"echo" => Ok(Reply::Echo),
+        b"frame" => classic(words).map(Reply::Frame),
+        b"fdframe" => fd(words).map(Reply::Frame),
+        b"rtr" => remote(words).map(Reply::Frame),
+        b"error" => Ok(match error_frame(words.clone()) {
+            Some(frame) => Reply::Frame(frame),
+            None => Reply::Error(words.rest().trim_ascii().escape_ascii().to_string()),
+        }),
+        _ => Err("expected hi, ok, echo, frame, fdframe, rtr or error"),
+    }
+}
+
+const ID: &str = "identifier: expected 3 hex digits up to 7FF or 8 up to 1FFFFFFF";
+const TIME: &str = "time: expected seconds.microseconds";
+const DATA: &str = "data: expected pairs of hex digits, at most 8, or 64 of an FD frame";
+
+/// An empty frame with the identifier `word`.
+fn begin(word: Option<&[u8]>, flags: FrameFlags) -> Result<Frame, &'static str> {
+    let word = word.unwrap_or_default();
+    let number = hexadecimal(word).filter(|_| matches!(word.len(), 3 | 8)).ok_or(ID)?;
+    let id = columns::identifier(number, word.len() == 8).ok_or(ID)?;
+    Ok(Frame { id, flags, ..Frame::EMPTY })
+}
+
+fn time(word: Option<&[u8]>) -> Option<Timestamp> {
+    columns::time(word?, 1_000_000_000).map(Timestamp)
+}
+
+/// Takes the data that is left, with or without blanks between its bytes.
+fn take_data(frame: &mut Frame, words: Words<'_>, limit: usize) -> Result<(), &'static str> {
+    let mut length = 0;
+    for word in words {
+        if word.len() % 2 != 0 {
+            return Err(DATA);
+        }
+        for digits in word.chunks_exact(2) {
+            let byte = hexadecimal(digits).and_then(|byte| u8::try_from(byte).ok()).ok_or(DATA)?;
+            *frame.bytes.get_mut(..limit).and_then(|bytes| bytes.get_mut(length)).ok_or(DATA)? = byte;
+            length += 1;
+        }
+    }
+    frame.length = u8::try_from(length).map_err(|_| DATA)?;
+    Ok(())
+}
+
+fn classic(mut words: Words<'_>) -> Result<Frame, &'static str> {
+    let mut frame = begin(words.next(), FrameFlags(0))?;
+    frame.time = Some(time(words.next()).ok_or(TIME)?);
+    take_data(&mut frame, words, 8)?;
+    Ok(frame)
+}
+
+fn fd(mut words: Words<'_>) -> Result<Frame, &'static str> {
+    const BIT_RATE_SWITCH: u32 = 1;
+    const ERROR_STATE: u32 = 2;
+    let mut frame = begin(words.next(), FrameFlags::FD)?;
+    let flags = words.next().and_then(hexadecimal).filter(|flags| *flags <= 0xFF);
+    let flags = flags.ok_or("flags: expected two hex digits")?;
+    if flags & BIT_RATE_SWITCH != 0 {
+        frame.flags = frame.flags.with(FrameFlags::BIT_RATE_SWITCH);
+    }
+    if flags & ERROR_STATE != 0 {
+        frame.flags = frame.flags.with(FrameFlags::ERROR_STATE);
+    }
+    frame.time = Some(time(words.next()).ok_or(TIME)?);
+    take_data(&mut frame, words, MAX_DATA)?;
+    if (0..=15).all(|dlc| fd_length(dlc) != frame.length) {
+        return Err("data: expected 0 to 8, 12, 16, 20, 24, 32, 48 or 64 bytes");
+    }
+    Ok(frame)
+}
+
+fn remote(mut words: Words<'_>) -> Result<Frame, &'static str> {
+    let mut frame = begin(words.next(), FrameFlags::REMOTE)?;
+    frame.time = Some(time(words.next()).ok_or(TIME)?);
+    let length = match words.next() {
+        Some([digit @ b'0'..=b'8']) => digit - b'0',
+        _ => return Err("length of a remote frame: expected 0 to 8"),
+    };
+    frame.length = length;
+    words.next().is_none().then_some(frame).ok_or("behind the length of a remote frame: expected nothing")
+}
+
+/// Classes and a time make an error frame; anything else is a complaint in words.
+fn error_frame(mut words: Words<'_>) -> Option<Frame> {
+    let classes = hexadecimal(words.next()?).filter(|classes| *classes <= 0x1FFF_FFFF)?;
+    let time = time(words.next())?;
+    let frame =
+        Frame { id: CanId::extended(classes), flags: FrameFlags::ERROR, time: Some(time), ..Frame::EMPTY };
+    words.next().is_none().then_some(frame)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn replies(text: &[u8], size: usize) -> Vec<Reply> {
+        let (mut reader, mut found) = (Reader::default(), Vec::new());
+        for piece in text.chunks(size) {
+            reader.read(piece, |reply| found.push(reply));
+        }
+        found
+    }
+
+    fn one(text: &str) -> Reply {
+        let found = replies(text.as_bytes(), usize::MAX);
+        let [reply] = &found[..] else { panic!("{text:?} gave {found:?}") };
+        reply.clone()
+    }
+
+    fn frame(id: CanId, flags: FrameFlags, nanoseconds: i64, data: &[u8]) -> Frame {
+        Frame { flags, time: Some(Timestamp(nanoseconds)), ..Frame::data_frame(id, data) }
+    }
+
+    #[test]
+    fn frames_as_the_document_and_as_the_program_writes_them() {
+        let expected =
+            frame(CanId::standard(0x123), FrameFlags(0), 23_424_242_000, &[0x11, 0x22, 0x33, 0x44]);
+        assert_eq!(one("< frame 123 23.424242 11 22 33 44 >"), Reply::Frame(expected));
+        assert_eq!(one("< frame 123 23.424242 11223344 >"), Reply::Frame(expected));
+        let expected = frame(CanId::extended(0x123), FrameFlags(0), 1_700_000_000_123_456_000, &[]);
+        assert_eq!(one("< frame 00000123 1700000000.123456  >"), Reply::Frame(expected));
+    }
+
+    #[test]
+    fn remote_fd_and_error_frames() {
+        let mut expected = frame(CanId::standard(0x123), FrameFlags::REMOTE, 23_424_242_000, &[]);
+        expected.length = 4;
+        assert_eq!(one("< rtr 123 23.424242 4 >"), Reply::Frame(expected));
+        let flags = FrameFlags::FD.with(FrameFlags::BIT_RATE_SWITCH).with(FrameFlags::ERROR_STATE);
+        let expected = frame(CanId::extended(0x18FE_F100), flags, 1_500_000_000, &[0xA5; 12]);
+        let text = format!("< fdframe 18FEF100 07 1.500000 {} >", "A5".repeat(12));
+        assert_eq!(one(&text), Reply::Frame(expected));
+        let text = format!("< fdframe 001 00 1.500000{} >", " a5".repeat(64));
+        let expected = frame(CanId::standard(1), FrameFlags::FD, 1_500_000_000, &[0xA5; 64]);
+        assert_eq!(one(&text), Reply::Frame(expected));
+        let expected = frame(CanId::extended(0x004), FrameFlags::ERROR, 1_700_000_000_000_001_000, &[]);
+        assert_eq!(one("< error 004 1700000000.000001 >"), Reply::Frame(expected));
+    }
+
+    #[test]
+    fn a_connection_from_its_greeting_on() {
+        let found = replies(b"< hi >< ok ><ok>\n< echo >< error could not open bus >", usize::MAX);
+        let complaint = Reply::Error("could not open bus".into());
+        assert_eq!(found, [Reply::Hi, Reply::Ok, Reply::Ok, Reply::Echo, complaint]);
+        assert_eq!(one("< error \x1b[2J >"), Reply::Error("\\x1b[2J".into()));
+        assert_eq!(one("< error 004 >"), Reply::Error("004".into()));
+    }
+
+    #[test]
+    fn what_cannot_be_read_is_said_with_its_beginning() {
+        for (text, reason) in [
+            ("< frame 1234 1.0 >", format!("{ID}; found \"frame 1234 1.0\"")),
+            ("< frame 800 1.0 >", format!("{ID}; found \"frame 800 1.0\"")),
+            ("< frame >", format!("{ID}; found \"frame\"")),
+            ("< frame 123 x >", format!("{TIME}; found \"frame 123 x\"")),
+            ("< frame 123 1.0 1 >", format!("{DATA}; found \"frame 123 1.0 1\"")),
+            ("< frame 123 1.0 112233445566778899 >", format!("{DATA}; found \"frame 123 1.0 112233445566778899\"")),
+            ("< rtr 123 1.0 9 >", "length of a remote frame: expected 0 to 8; found \"rtr 123 1.0 9\"".into()),
+            ("< fdframe 123 1.0 >", "flags: expected two hex digits; found \"fdframe 123 1.0\"".into()),
+            ("< fdframe 123 01 1.0 112233445566778899 >",
+             "data: expected 0 to 8, 12, 16, 20, 24, 32, 48 or 64 bytes; found \"fdframe 123 01 1.0 112233445566778899\"".into()),
+            ("< >", "expected hi, ok, echo, frame, fdframe, rtr or error; found \"\"".into()),
+            ("< frame 123 < ", "an element that breaks off; found \"frame 123\"".into()),
+            ("\x1b <", "expected nothing between elements; found \"\\x1b\"".into()),
+            (">", "expected nothing between elements; found \"\"".into()),
+        ] {
+            assert_eq!(one(text), Reply::Unreadable(format!("socketcand: {reason}")), "{text}");
+        }
+    }
+
+    #[test]
+    fn an_element_without_end_takes_no_memory() {
+        let mut reader = Reader::default();
+        reader.read(b"< frame ", |reply| panic!("{reply:?}"));
+        (0..1_000).for_each(|_| reader.read(&[b'x'; 1_000], |reply| panic!("{reply:?}")));
+        assert_eq!(reader.begun.bytes.len(), LONGEST_ELEMENT);
+        let mut found = Vec::new();
+        reader.read(b"> < ok >", |reply| found.push(reply));
+        let [Reply::Unreadable(reason), Reply::Ok] = &found[..] else { panic!("{found:?}") };
+        assert!(
+            reason.starts_with("socketcand: no element has over 512 bytes; found \"frame xxx"),
+            "{reason}"
+        );
+    }
+
+    #[test]
+    fn pieces_do_not_matter() {
+        let text =
+            b"< hi >\r\n< ok >x< frame 123 1.5 1122 >< error bus >< fdframe 123 00 2 >> < rtr < ok >< fr";
+        let whole = replies(text, usize::MAX);
+        assert_eq!(whole.len(), 9, "{whole:?}");
+        for size in 1..text.len() {
+            assert_eq!(replies(text, size), whole, "pieces of {size}");
+        }
+    }
+
+    /// A server sends frames for `send`, `add`, `update`, `sendrtr`, `fdsend` and `sendpdu` only.
+    #[test]
+    fn no_request_sends_a_frame_whatever_the_name_of_the_bus() {
+        assert_eq!(Request::Open(BusName::new("can0").unwrap()).text(), "< open can0 >");
+        assert_eq!(Request::RawMode.text(), "< rawmode >");
+        assert_eq!(Request::Echo.text(), "< echo >");
+        let hostile =
+            ["", "can0 >< send 123 0", "can0 1 B", "a\nb", "<", ">", "a/b", "name-of-16-bytes", "kännel"];
+        for name in hostile {
+            assert_eq!(BusName::new(name), None, "{name}");
+        }
+        assert_eq!(BusName::new("name-of-15-byte").unwrap().as_str(), "name-of-15-byte");
+    }
+}

@@ -1,0 +1,240 @@
+//! `cobscope live` without a bus: standard input and growing files stand for one. CAN interfaces are in `tests/live`.
+#![cfg(unix)]
+
+use std::fs;
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::path::PathBuf;
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::Duration;
+
+use pty_process::blocking::Command as PtyCommand;
+
+use crate::cli::run;
+use crate::support::workspace;
+use crate::terminal::Session;
+
+/// How long something may take on a busy machine before it counts as not happening.
+const LIMIT: Duration = Duration::from_mins(1);
+
+/// A fresh folder of this test.
+fn folder(name: &str) -> PathBuf {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("live").join(name);
+    let _ = fs::remove_dir_all(&path);
+    fs::create_dir_all(&path).unwrap();
+    path
+}
+
+fn fixture(name: &str) -> String {
+    fs::read_to_string(workspace().join("fixtures").join(name)).unwrap()
+}
+
+/// The program with its lines as they come.
+struct Running {
+    child: Child,
+    lines: Receiver<String>,
+}
+
+impl Running {
+    fn start(arguments: &[&str]) -> Self {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_cobscope"))
+            .arg("live")
+            .args(arguments)
+            .current_dir(workspace())
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let output = BufReader::new(child.stdout.take().unwrap());
+        let (sender, lines) = channel();
+        std::thread::spawn(move || {
+            output.lines().map_while(Result::ok).try_for_each(|line| sender.send(line))
+        });
+        Self { child, lines }
+    }
+
+    fn input(&mut self) -> &mut ChildStdin {
+        self.child.stdin.as_mut().unwrap()
+    }
+
+    fn line_with(&self, text: &str) -> String {
+        let mut before = Vec::new();
+        loop {
+            let line = self.lines.recv_timeout(LIMIT);
+            assert!(line.is_ok(), "no {text} behind {before:#?}");
+            let line = line.unwrap();
+            if line.contains(text) {
+                return line;
+            }
+            before.push(line);
+        }
+    }
+
+    /// Exit status and what was said on standard error.
+    fn end(mut self) -> (Option<i32>, String) {
+        drop(self.child.stdin.take());
+        let output = self.child.wait_with_output().unwrap();
+        (output.status.code(), String::from_utf8(output.stderr).unwrap())
+    }
+}
+
+#[test]
+fn lines_come_as_frames_do() {
+    let mut live = Running::start(&["-", "--print"]);
+    live.input().write_all(b"(1700000000.000000) can0 701#00\n").unwrap();
+    assert!(live.line_with("BOOT").ends_with("{1}"), "while the bus goes on");
+    live.input().write_all(b"(1700000000.100000) can0 081#1081010000000000\n").unwrap();
+    assert!(live.line_with("EMCY").contains("8110"));
+    let (code, said) = live.end();
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("can0: up; 0 frames lost"), "{said}");
+}
+
+/// A live bus and its capture give the same events.
+#[test]
+fn the_same_events_as_of_a_capture() {
+    for name in ["canopen/guarding.log", "j1939/mixed.log", "devices/pve.log", "rules/node-lost.log"] {
+        let path = format!("fixtures/{name}");
+        let decoded = run(&["decode", "-f", "jsonl", &path], "");
+        let live = run(&["live", "-", "--print", "-f", "jsonl"], &fixture(name));
+        assert!(
+            live.stdout == decoded.stdout,
+            "{name}: {} of {} bytes",
+            live.stdout.len(),
+            decoded.stdout.len()
+        );
+        assert_eq!(live.code, 0);
+    }
+}
+
+#[test]
+fn what_check_says_of_a_capture_live_says_at_the_end() {
+    let checked = run(&["check", "fixtures/rules/node-lost.log"], "");
+    let live = run(&["live", "-", "--check"], &fixture("rules/node-lost.log"));
+    let verdict = live.stdout.split_once("\n== ").unwrap().1;
+    let (title, verdict) = verdict.split_once('\n').unwrap();
+    assert_eq!(title, "can0 (14 frames, 2.000 s)");
+    let expected = checked.stdout.split_once('\n').unwrap().1;
+    let width = |text: &str| text.split_whitespace().map(ToOwned::to_owned).collect::<Vec<_>>().join(" ");
+    assert_eq!(width(verdict), width(&expected.replace("fixtures/rules/node-lost.log", "can0")));
+    assert_eq!((live.code, checked.code), (1, 1));
+    let clean = run(&["live", "-", "--check"], &fixture("rules/clean/canopen.log"));
+    assert_eq!(clean.code, 0, "{}", clean.stdout);
+}
+
+#[test]
+fn it_can_end_at_the_first_finding() {
+    let mut live = Running::start(&["-", "--check", "--until-finding"]);
+    // The input stays open: the program ends by itself.
+    live.input().write_all(fixture("rules/node-lost.log").as_bytes()).unwrap();
+    assert!(live.line_with("[node-lost]").contains("LOST"));
+    live.line_with("1 capture: 1 failed");
+    assert_eq!(live.child.wait().unwrap().code(), Some(1));
+}
+
+#[test]
+fn it_ends_after_frames_and_after_silence() {
+    let live =
+        run(&["live", "-", "--print", "-f", "jsonl", "--all", "-n", "5"], &fixture("canopen/guarding.log"));
+    assert!(live.stdout.lines().all(|line| !line.contains("\"frames\":[6")), "{}", live.stdout);
+    let mut live = Running::start(&["-", "--print", "-T", "50"]);
+    live.input().write_all(b"(1700000000.000000) can0 701#00\n").unwrap();
+    assert_eq!(live.child.wait().unwrap().code(), Some(0), "the input is still open");
+}
+
+#[test]
+fn a_record_holds_what_came() {
+    let folder = folder("record");
+    for suffix in ["log", "pcapng"] {
+        let path = folder.join(format!("run.{suffix}"));
+        let path = path.to_str().unwrap();
+        let text = fixture("devices/md2.log");
+        let live = run(&["live", "-", "--print", "-f", "none", "--record", path], &text);
+        assert_eq!(live.code, 0, "{}", live.stderr);
+        assert!(live.stderr.contains(&format!("recorded {path}: ")), "{}", live.stderr);
+        let of = |path: &str| run(&["decode", "-f", "jsonl", path], "").stdout;
+        assert!(of(path) == of("fixtures/devices/md2.log"), "{suffix}");
+        let again = run(&["live", "-", "--print", "--record", path], &text);
+        assert_eq!(again.code, 2, "nothing is ever written over");
+    }
+}
+
+/// Ctrl-C ends it as its user wants: everything said and on the disk.
+#[test]
+fn an_interrupt_ends_it_well() {
+    let folder = folder("interrupt");
+    let path = folder.join("run.log");
+    let mut live = Running::start(&["-", "--print", "--record", path.to_str().unwrap()]);
+    live.input().write_all(b"(1700000000.000000) can0 701#00\n").unwrap();
+    live.line_with("BOOT");
+    let id = live.child.id().to_string();
+    assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    let (code, said) = live.end();
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(fs::read_to_string(&path).unwrap(), "(1700000000.000000) can0 701#00\n");
+}
+
+#[test]
+fn a_growing_file_is_followed() {
+    let folder = folder("follow");
+    let path = folder.join("run.log");
+    fs::write(&path, "(1700000000.000000) can0 701#00\n").unwrap();
+    let live = Running::start(&["--follow", path.to_str().unwrap(), "--print"]);
+    live.line_with("BOOT");
+    let mut file = fs::OpenOptions::new().append(true).open(&path).unwrap();
+    file.write_all(b"(1700000000.100000) can0 081#1081010000000000\n").unwrap();
+    live.line_with("EMCY");
+    let mut child = live.child;
+    child.kill().unwrap();
+    child.wait().unwrap();
+}
+
+#[test]
+fn what_cannot_be_watched_is_said_with_what_to_do() {
+    let refused = |arguments: &[&str], code: i32, text: &str| {
+        let output = run(&[&["live"], arguments].concat(), "");
+        assert_eq!(output.code, code, "{arguments:?}: {}", output.stderr);
+        assert!(output.stderr.contains(text), "{arguments:?}: {}", output.stderr);
+    };
+    refused(&["fixtures/devices/md2.log", "--print"], 2, "--follow");
+    refused(&["can0,123", "--print"], 2, "expected ID:MASK");
+    refused(&["slcan:/dev/no-such-adapter", "--print"], 3, "no-such-adapter");
+    refused(&["slcan:/dev/null@123", "--print"], 3, "123");
+    refused(&["-", "--print", "--record", "/no/such/folder/x.log"], 2, "/no/such/folder");
+    refused(&["-", "--print", "--record", "x.txt"], 2, ".pcapng");
+    refused(&["-", "--record-size", "1M", "--print"], 2, "--record");
+    refused(&["-"], 2, "--print");
+}
+
+/// Frames come while the screen shows them: it follows, stands still when it is told to, and goes on.
+#[test]
+fn on_the_screen_it_follows_pauses_and_goes_on() {
+    let folder = folder("screen");
+    let (pipe, record) = (folder.join("bus"), folder.join("run.pcapng"));
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let program = env!("CARGO_BIN_EXE_cobscope");
+    let (pipe, record) = (pipe.to_str().unwrap(), record.to_str().unwrap());
+    let script = format!("{program} live - --all --record {record} < {pipe}");
+    let session =
+        Session::start(PtyCommand::new("sh").args(["-c", &script]).current_dir(workspace()), 24, 100);
+    let mut bus = fs::OpenOptions::new().write(true).open(pipe).unwrap();
+    let frame = |second: u32| format!("(170000000{second}.000000) can0 701#05\n");
+    session.wait_text("following");
+    bus.write_all(frame(0).as_bytes()).unwrap();
+    session.wait_text("#1/1");
+    bus.write_all(frame(1).as_bytes()).unwrap();
+    session.wait_text("#2/2");
+    session.send(" ");
+    session.wait("pause", |screen| !screen.contains("following"));
+    bus.write_all(frame(2).as_bytes()).unwrap();
+    session.wait_text("#2/3");
+    session.send(" ");
+    session.wait_text("#3/3");
+    session.wait_text("REC ");
+    drop(bus);
+    session.send("q");
+    assert!(session.wait_end().success());
+    let read = run(&["decode", "-f", "jsonl", "--all", record], "");
+    assert_eq!(read.stdout.matches("\"kind\":\"heartbeat\"").count(), 3, "{}", read.stdout);
+}

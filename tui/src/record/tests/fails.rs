@@ -1,0 +1,279 @@
+//! Full disks, lost ones and slow ones.
+
+use super::*;
+
+#[test]
+fn a_full_disk_leaves_whole_records_and_the_record_goes_on() {
+    for format in WRITABLE {
+        let name = format!("run.{}", format.suffix);
+        let memory = Memory::new(usize::MAX);
+        let mut all = parts(&memory, &name, false, UNLIMITED);
+        all.take(items(0..20), &can0(), None);
+        all.finish();
+        let full = memory.bytes(&name).len();
+        let header = if format.name == "pcapng" { 28 } else { 0 };
+        // Room for every number of bytes.
+        for room in header..full {
+            full_at(&name, room, header);
+        }
+    }
+}
+
+/// Twenty frames in two batches on a disk with so much room, ten more while it is full, ten when it is not any more.
+fn full_at(name: &str, room: usize, header: usize) {
+    let memory = Memory::new(room);
+    let mut parts = parts(&memory, name, false, UNLIMITED);
+    let begin = Instant::now();
+    parts.take(items(0..10), &can0(), Some(begin));
+    parts.take(items(10..20), &can0(), Some(begin));
+    parts.take(items(20..30), &can0(), Some(begin + RETRY_AFTER / 2));
+    let first = memory.lock().files.get(Path::new(name)).cloned().unwrap_or_default();
+    let recorded = frames(&read(&first));
+    let count = u32::try_from(recorded.len()).unwrap();
+    assert_eq!(recorded, expected(0..count), "{room}");
+    // As many as there was room for.
+    assert!(room - first.len() < 100 + header, "{room} {}", first.len());
+    let status = parts.status().clone();
+    let missing = u64::from(30 - count);
+    assert_eq!((status.frames, status.missing, status.bytes), (count.into(), missing, first.len() as u64));
+    let failure = status.failure.unwrap();
+    assert_eq!((failure.missing, failure.is_over), (missing, false), "{room}");
+    assert_eq!(failure.reason, "No space left on device (os error 28)");
+    assert_eq!(failure.path, Path::new(name));
+
+    memory.set(|inner| inner.room = usize::MAX / 2);
+    parts.take(items(30..40), &can0(), Some(begin + RETRY_AFTER));
+    parts.finish();
+    let second = if first.is_empty() { name.to_owned() } else { name.replace('.', "-0002.") };
+    let said = read(&memory.bytes(&second));
+    assert_eq!(frames(&said), expected(30..40));
+    let has_losses = usize::from(!name.ends_with("log"));
+    assert_eq!(losses(&said), missing * has_losses as u64);
+    assert_eq!(matches!(said[0], Said::Notice(..)), has_losses == 1, "they are told before the first frame");
+    let status = parts.status();
+    assert_eq!(status.path, Path::new(&second));
+    assert_eq!((status.frames, status.missing), (u64::from(count) + 10, missing));
+    assert!(status.failure.as_ref().unwrap().is_over);
+    assert_eq!(status.parts, if first.is_empty() { 1 } else { 2 });
+    let held: u64 = memory.names().iter().map(|name| memory.bytes(name).len() as u64).sum();
+    assert_eq!(status.bytes, held);
+}
+
+#[test]
+fn a_disk_that_is_gone_is_tried_every_few_seconds() {
+    let memory = Memory::new(28 + 200);
+    let mut parts = parts(&memory, "run.pcapng", false, UNLIMITED);
+    let begin = Instant::now();
+    parts.take(items(0..10), &can0(), Some(begin));
+    let count = frames(&read(&memory.bytes("run.pcapng"))).len() as u64;
+    assert!((1..5).contains(&count), "{count}");
+    memory.set(|inner| inner.is_gone = true);
+    // A frame each second for a minute.
+    for second in 1..=60_u32 {
+        let lost = Item { bus: 0, what: What::Notice(lost(1)) };
+        let now = begin + Duration::from_secs(second.into());
+        parts.take([items(second..second + 1), vec![lost]].concat(), &can0(), Some(now));
+    }
+    assert_eq!(memory.lock().made, 1 + 12);
+    let failure = parts.status().failure.clone().unwrap();
+    assert_eq!((failure.missing, failure.path), (70 - count, "run-0002.pcapng".into()));
+    assert!(failure.reason.ends_with("(os error 5)"), "{}", failure.reason);
+    // There again but full: no empty files are left.
+    memory.set(|inner| inner.is_gone = false);
+    memory.set(|inner| inner.room = 30);
+    parts.take(items(61..62), &can0(), Some(begin + Duration::from_secs(65)));
+    assert_eq!(memory.names(), ["run.pcapng"]);
+    memory.set(|inner| inner.room = 1_000);
+    let down = Item { bus: 0, what: What::Notice(link(62, LinkState::Down)) };
+    let up = Item { bus: 0, what: What::Notice(link(62, LinkState::Up)) };
+    parts.take([vec![down, up], items(62..63)].concat(), &can0(), Some(begin + Duration::from_secs(70)));
+    let said = read(&memory.bytes("run-0002.pcapng"));
+    // Those that were lost on the way here are missing too; and the link is told as it is.
+    let missing = 71 - count;
+    let bus = || "can0".to_owned();
+    assert_eq!(
+        said,
+        [
+            Said::Notice(bus(), lost(missing + 60)),
+            Said::Notice(bus(), link(62, LinkState::Up)),
+            Said::Frame(bus(), frame(62))
+        ]
+    );
+    assert_eq!(parts.status().missing, missing);
+    // A later failure counts for itself.
+    memory.set(|inner| inner.room = 0);
+    parts.take(items(63..65), &can0(), Some(begin + Duration::from_secs(71)));
+    assert_eq!(parts.status().failure.as_ref().unwrap().missing, 2);
+    assert_eq!(parts.status().missing, missing + 2);
+}
+
+#[test]
+fn a_full_disk_takes_one_old_part_at_most() {
+    let memory = Memory::new(6 * LINE);
+    let limits = Limits { bytes: 2 * LINE as u64, files: 3, ..UNLIMITED };
+    let mut log = parts(&memory, "run.log", true, limits);
+    let begin = Instant::now();
+    log.take(items(0..6), &can0(), Some(begin));
+    assert_eq!(memory.names(), ["run-0001.log", "run-0002.log", "run-0003.log"]);
+    // The oldest makes room for the next one.
+    log.take(items(6..8), &can0(), Some(begin));
+    assert_eq!(memory.names(), ["run-0002.log", "run-0003.log", "run-0004.log"]);
+    assert_eq!((log.status().frames, log.status().missing), (8, 0));
+    memory.set(|inner| inner.is_crowded = true);
+    for second in (10..100).step_by(10) {
+        log.take(items(8..9), &can0(), Some(begin + Duration::from_secs(second)));
+        assert_eq!(memory.names(), ["run-0003.log", "run-0004.log"]);
+    }
+    assert_eq!((log.status().removed, log.status().missing), (2, 9));
+}
+
+#[test]
+fn a_disk_that_cannot_be_synced_is_told() {
+    let memory = Memory::new(usize::MAX);
+    let mut log = parts(&memory, "run.log", false, UNLIMITED);
+    let begin = Instant::now();
+    log.take(items(0..2), &can0(), Some(begin));
+    memory.set(|inner| inner.fails_to_sync = true);
+    log.sync();
+    log.take(items(2..5), &can0(), Some(begin));
+    let failure = log.status().failure.clone().unwrap();
+    assert!(failure.reason.contains("(os error 5)"), "{}", failure.reason);
+    assert_eq!((failure.missing, log.status().frames), (3, 2));
+    memory.set(|inner| inner.fails_to_sync = false);
+    log.take(items(5..6), &can0(), Some(begin + RETRY_AFTER));
+    log.sync();
+    assert_eq!(frames(&read(&memory.bytes("run-0002.log"))), expected(5..6));
+}
+
+#[test]
+fn a_slow_disk_holds_nobody_up() {
+    let memory = Memory::new(usize::MAX);
+    let room = 3_000;
+    let path = options(Path::new("run.pcapng"));
+    let mut recorder = Recorder::open_on(Box::new(memory.clone()), &path, day(), size(room)).unwrap();
+    memory.set(|inner| inner.is_stuck = true);
+    for number in 0..5_000 {
+        recorder.frame(&frame(number), "can0");
+    }
+    recorder.notice(&link(5_000, LinkState::Down), "can1");
+    recorder.tick(Instant::now());
+    let status = recorder.status();
+    assert_eq!((status.too_fast, status.missing), (2_000, 2_000));
+    assert_eq!(status.failure, None);
+    memory.set(|inner| inner.is_stuck = false);
+    wait(&recorder, |status| status.frames == 3_000);
+    // The status is told before the room is free again.
+    let begun = Instant::now();
+    while recorder.queued.load(Ordering::Acquire) > 0 {
+        assert!(begun.elapsed() < LIMIT);
+        std::thread::yield_now();
+    }
+    recorder.frame(&frame(5_000), "can0");
+    let status = recorder.finish();
+    assert_eq!((status.frames, status.missing, status.parts), (3_001, 2_000, 1));
+    let said = read(&memory.bytes("run.pcapng"));
+    assert_eq!(frames(&said), expected((0..3_000).chain([5_000])));
+    assert_eq!(
+        said[3_000..3_002],
+        [
+            Said::Notice("can0".to_owned(), lost(2_000)),
+            Said::Notice("can1".to_owned(), link(5_000, LinkState::Down))
+        ]
+    );
+}
+
+#[test]
+fn what_was_too_much_at_the_end_is_told_too() {
+    let memory = Memory::new(usize::MAX);
+    let path = options(Path::new("run.pcapng"));
+    let mut recorder = Recorder::open_on(Box::new(memory.clone()), &path, day(), size(10)).unwrap();
+    memory.set(|inner| inner.is_stuck = true);
+    (0..15).for_each(|number| recorder.frame(&frame(number), "can0"));
+    memory.set(|inner| inner.is_stuck = false);
+    let status = recorder.finish();
+    assert_eq!((status.frames, status.missing), (10, 5));
+    let said = read(&memory.bytes("run.pcapng"));
+    assert_eq!((frames(&said).len(), losses(&said)), (10, 5));
+}
+
+/// A disk whose files are all the device that is always full.
+#[cfg(target_os = "linux")]
+struct Full;
+
+#[cfg(target_os = "linux")]
+impl Disk for Full {
+    fn create(&mut self, _path: &Path) -> io::Result<Box<dyn PartFile>> {
+        Ok(Box::new(std::fs::File::options().write(true).open("/dev/full")?))
+    }
+
+    fn remove(&mut self, _path: &Path) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn the_device_that_is_full_is_full() {
+    let path = options(Path::new("run.log"));
+    let mut recorder = Recorder::open_on(Box::new(Full), &path, day(), QUEUE).unwrap();
+    let begin = Instant::now();
+    for number in 0..3_000 {
+        recorder.frame(&frame(number), "can0");
+    }
+    recorder.tick(begin);
+    let status = wait(&recorder, |status| status.missing == 3_000);
+    assert_eq!(
+        status.remarks().first().unwrap(),
+        "run.log: No space left on device (os error 28): 3000 frames not recorded so far; trying again"
+    );
+    assert_eq!(recorder.finish().frames, 0);
+    // What has a header says so at once.
+    let path = options(Path::new("run.pcapng"));
+    let error = Recorder::open_on(Box::new(Full), &path, day(), QUEUE).err().unwrap();
+    assert_eq!(format!("{error:#}"), "run.pcapng: cannot be made: No space left on device (os error 28)");
+}
+
+/// Folder for [`files_that_may_not_grow`], which runs in a process of its own.
+const FOLDER: &str = "COBSCOPE_TEST_RECORD_FOLDER";
+
+#[cfg(target_os = "linux")]
+#[test]
+fn files_that_may_not_grow_are_followed_by_others() {
+    let folder = tempfile::tempdir().unwrap();
+    // 4 or 8 KiB, by the shell; a signal that is ignored is an error instead.
+    let script = "trap '' XFSZ; ulimit -f 8; exec \"$0\" \"$@\"";
+    let test = "record::tests::fails::files_that_may_not_grow";
+    let mut command = std::process::Command::new("sh");
+    command.args(["-c", script]).arg(std::env::current_exe().unwrap());
+    command.args(["--exact", test, "--ignored"]).env(FOLDER, folder.path());
+    let output = command.output().unwrap();
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success() && said.contains("1 passed"), "{said}");
+}
+
+#[test]
+#[ignore = "run by files_that_may_not_grow_are_followed_by_others"]
+fn files_that_may_not_grow() {
+    let Some(folder) = std::env::var_os(FOLDER).map(PathBuf::from) else { return };
+    for format in WRITABLE {
+        let name = |part: &str| folder.join(format!("run{part}.{}", format.suffix));
+        let mut recorder = Recorder::open(&options(&name("")), day()).unwrap();
+        let begin = Instant::now();
+        (0..500).for_each(|number| recorder.frame(&frame(number), "can0"));
+        recorder.tick(begin);
+        let status = wait(&recorder, |status| status.frames + status.missing == 500);
+        assert_eq!(status.failure.as_ref().unwrap().reason, "File too large (os error 27)");
+        assert!(!status.failure.unwrap().is_over);
+        let before = frames(&read(&std::fs::read(name("")).unwrap()));
+        assert!(before.len() > 20, "{}", before.len());
+        assert_eq!(before, expected(0..u32::try_from(before.len()).unwrap()));
+        assert_eq!(status.missing, 500 - before.len() as u64);
+        (500..510).for_each(|number| recorder.frame(&frame(number), "can0"));
+        recorder.tick(begin + RETRY_AFTER);
+        let end = recorder.finish();
+        assert_eq!((end.frames, end.missing), (before.len() as u64 + 10, status.missing));
+        let said = read(&std::fs::read(name("-0002")).unwrap());
+        assert_eq!(frames(&said), expected(500..510));
+        assert_eq!(losses(&said), if format.name == "pcapng" { status.missing } else { 0 });
+    }
+}

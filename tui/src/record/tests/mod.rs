@@ -1,0 +1,255 @@
+//! What was recorded is read again, whatever the disk does.
+
+mod fails;
+mod keeps;
+
+use std::collections::BTreeMap;
+use std::io::{self, ErrorKind, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard};
+use std::time::{Duration, Instant};
+
+use cobscope_decoder::capture::{self, Batch, Notice, Place, ReadOptions, Reader, WRITABLE};
+use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags, LinkState, Timestamp};
+use cobscope_decoder::session::SessionOptions;
+
+use super::disk::{Disk, PartFile};
+use super::item::{Item, What};
+use super::names::Names;
+use super::parts::{Limits, Parts, RETRY_AFTER};
+use super::status::Unheld;
+use super::*;
+use crate::timeline::{Captures, News, Timeline};
+
+/// Bytes of a candump line of [`frame`]: `(1700000000.000001) can0 185#01000000` and its end.
+const LINE: usize = 19 + 1 + 4 + 1 + 12 + 1;
+
+/// Longest that a condition is waited for.
+const LIMIT: Duration = Duration::from_mins(1);
+
+const UNLIMITED: Limits = Limits { bytes: u64::MAX, time: Duration::MAX, files: usize::MAX };
+
+/// A disk in memory with so much room.
+#[derive(Clone)]
+struct Memory(Arc<(Mutex<Inner>, Condvar)>);
+
+struct Inner {
+    files: BTreeMap<PathBuf, Vec<u8>>,
+    room: usize,
+    /// Nothing can be made.
+    is_gone: bool,
+    /// Writing waits.
+    is_stuck: bool,
+    fails_to_sync: bool,
+    /// Others take what is freed.
+    is_crowded: bool,
+    made: usize,
+    syncs: usize,
+}
+
+struct MemoryFile(Memory, PathBuf);
+
+impl Memory {
+    fn new(room: usize) -> Self {
+        Self(Arc::new((
+            Mutex::new(Inner {
+                files: BTreeMap::new(),
+                room,
+                is_gone: false,
+                is_stuck: false,
+                fails_to_sync: false,
+                is_crowded: false,
+                made: 0,
+                syncs: 0,
+            }),
+            Condvar::new(),
+        )))
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Inner> {
+        self.0.0.lock().unwrap()
+    }
+
+    fn set(&self, change: impl FnOnce(&mut Inner)) {
+        change(&mut self.lock());
+        self.0.1.notify_all();
+    }
+
+    fn names(&self) -> Vec<String> {
+        self.lock().files.keys().map(|path| path.display().to_string()).collect()
+    }
+
+    fn bytes(&self, name: &str) -> Vec<u8> {
+        self.lock().files.get(Path::new(name)).unwrap_or_else(|| panic!("there is no {name}")).clone()
+    }
+}
+
+impl Disk for Memory {
+    fn create(&mut self, path: &Path) -> io::Result<Box<dyn PartFile>> {
+        let mut inner = self.lock();
+        inner.made += 1;
+        if inner.is_gone {
+            return Err(io::Error::from_raw_os_error(5));
+        }
+        if inner.files.contains_key(path) {
+            return Err(ErrorKind::AlreadyExists.into());
+        }
+        inner.files.insert(path.to_owned(), Vec::new());
+        Ok(Box::new(MemoryFile(self.clone(), path.to_owned())))
+    }
+
+    fn remove(&mut self, path: &Path) -> io::Result<()> {
+        let mut inner = self.lock();
+        let bytes = inner.files.remove(path).ok_or(ErrorKind::NotFound)?;
+        if !inner.is_crowded {
+            inner.room += bytes.len();
+        }
+        Ok(())
+    }
+}
+
+impl Write for MemoryFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let Memory(shared) = &self.0;
+        let mut inner = shared.1.wait_while(shared.0.lock().unwrap(), |inner| inner.is_stuck).unwrap();
+        let count = bytes.len().min(inner.room);
+        if count == 0 {
+            return Err(io::Error::from_raw_os_error(28));
+        }
+        inner.room -= count;
+        inner.files.get_mut(&self.1).unwrap().extend_from_slice(&bytes[..count]);
+        Ok(count)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl PartFile for MemoryFile {
+    fn sync(&mut self) -> io::Result<()> {
+        let mut inner = self.0.lock();
+        inner.syncs += 1;
+        if inner.fails_to_sync { Err(io::Error::from_raw_os_error(5)) } else { Ok(()) }
+    }
+
+    fn cut(&mut self, length: u64) -> io::Result<()> {
+        let mut inner = self.0.lock();
+        let bytes = inner.files.get_mut(&self.1).unwrap();
+        let cut = bytes.len() - usize::try_from(length).unwrap();
+        bytes.truncate(bytes.len() - cut);
+        inner.room += cut;
+        Ok(())
+    }
+}
+
+fn day() -> DateTime {
+    jiff::civil::date(2026, 11, 22).at(7, 30, 51, 0)
+}
+
+fn time(number: u32) -> Timestamp {
+    Timestamp(1_700_000_000_000_000_000 + i64::from(number) * 1_000)
+}
+
+/// The frame of this number.
+fn frame(number: u32) -> Frame {
+    Frame { time: Some(time(number)), ..Frame::data_frame(CanId::standard(0x185), &number.to_le_bytes()) }
+}
+
+fn items(numbers: std::ops::Range<u32>) -> Vec<Item> {
+    numbers.map(|number| Item { bus: 0, what: What::Frame(frame(number)) }).collect()
+}
+
+fn lost(count: u64) -> Notice {
+    Notice::LostFrames { place: Place::Now, bus: BusIndex(0), count: Some(count) }
+}
+
+fn link(number: u32, state: LinkState) -> Notice {
+    Notice::Link { bus: BusIndex(0), time: time(number), state, bit_rate: Some(250_000) }
+}
+
+/// What a capture says, in its order: frames with their buses, and notices; neither place nor index.
+#[derive(Debug, PartialEq)]
+enum Said {
+    Frame(String, Frame),
+    Notice(String, Notice),
+}
+
+fn read(bytes: &[u8]) -> Vec<Said> {
+    if bytes.is_empty() {
+        return Vec::new();
+    }
+    let mut reader = Reader::open(bytes, &ReadOptions::default()).unwrap();
+    let (mut batch, mut said) = (Batch::new(), Vec::new());
+    while reader.read(&mut batch).unwrap() {
+        let names = reader.buses().names();
+        said.extend(batch.items().map(|item| match item {
+            capture::Item::Frame(frame) => Said::Frame(
+                names[usize::from(frame.bus.0)].clone(),
+                Frame { number: 0, bus: BusIndex(0), ..*frame },
+            ),
+            capture::Item::Notice(notice) => of_bus(notice.clone(), names),
+        }));
+    }
+    said
+}
+
+fn of_bus(mut notice: Notice, names: &[String]) -> Said {
+    let mut name = String::new();
+    match &mut notice {
+        Notice::LostFrames { place, bus, .. } => {
+            name.clone_from(&names[usize::from(bus.0)]);
+            (*place, *bus) = (Place::Now, BusIndex(0));
+        }
+        Notice::Link { bus, .. } => {
+            name.clone_from(&names[usize::from(bus.0)]);
+            *bus = BusIndex(0);
+        }
+        _ => (),
+    }
+    Said::Notice(name, notice)
+}
+
+fn frames(said: &[Said]) -> Vec<Frame> {
+    said.iter()
+        .filter_map(|said| if let Said::Frame(_, frame) = said { Some(*frame) } else { None })
+        .collect()
+}
+
+fn losses(said: &[Said]) -> u64 {
+    let count = |said: &Said| match said {
+        Said::Notice(_, Notice::LostFrames { count, .. }) => count.unwrap(),
+        _ => 0,
+    };
+    said.iter().map(count).sum()
+}
+
+fn expected(numbers: impl IntoIterator<Item = u32>) -> Vec<Frame> {
+    numbers.into_iter().map(frame).collect()
+}
+
+fn parts(memory: &Memory, name: &str, is_numbered: bool, limits: Limits) -> Parts {
+    let (names, format) = Names::new(Some(Path::new(name)), is_numbered, day()).unwrap();
+    Parts::open(Box::new(memory.clone()), names, format, limits).unwrap()
+}
+
+fn can0() -> Vec<String> {
+    vec!["can0".to_owned()]
+}
+
+/// Waits until a record is so far.
+fn wait(recorder: &Recorder, is_so_far: impl Fn(&RecordStatus) -> bool) -> RecordStatus {
+    let begun = Instant::now();
+    loop {
+        let status = recorder.status();
+        if is_so_far(&status) {
+            return status;
+        }
+        assert!(begun.elapsed() < LIMIT, "{status:?}");
+        std::thread::yield_now();
+    }
+}
+
+fn options(path: &Path) -> RecordOptions {
+    RecordOptions { path: Some(path.to_owned()), ..RecordOptions::default() }
+}

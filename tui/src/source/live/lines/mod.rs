@@ -1,0 +1,232 @@
+//! Captures that are still being written: text on standard input, a file that grows.
+//!
+//! Reading and parsing happen on a thread of their own, as neither a pipe nor a growing file tells when
+//! more will come. It is a few batches ahead at most.
+
+mod follow;
+#[cfg(test)]
+mod tests;
+
+use std::io::Read;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use cobscope_decoder::capture::{
+    BATCH_FRAMES, Batch, BusNames, CaptureError, Item, MAX_BUSES, Notice, Place, ReadOptions, Reader,
+};
+use cobscope_decoder::frame::{BusIndex, Frame, LinkState};
+
+use super::{Arrival, Arrivals, BusStatus, Ended, Source, Stamps};
+
+/// How late frames may come: an ssh connection stalls, a writer collects lines.
+const LAG: Duration = Duration::from_secs(1);
+
+/// Most frames and notices given at once.
+const MOST: usize = 4_096;
+
+/// Batches the thread may be ahead.
+const AHEAD: usize = MOST / BATCH_FRAMES;
+
+/// Frames that come on standard input, in any format that can be read as it comes.
+///
+/// Relative candump stamps mean something only once many are known: without an option that says what they
+/// mean, the first 1,000 lines are held back.
+///
+/// # Errors
+/// When there is no thread for it.
+pub fn stdin(options: ReadOptions) -> anyhow::Result<Box<dyn Source>> {
+    Ok(Box::new(Lines::read(std::io::stdin(), options)?))
+}
+
+/// Frames of a file that is being written, from its beginning, and of each that takes its place.
+///
+/// # Errors
+/// When there is no thread for it.
+pub fn follow(path: &Path, options: ReadOptions) -> anyhow::Result<Box<dyn Source>> {
+    let path = path.to_path_buf();
+    Ok(Box::new(Lines::start(move |outlet| follow::follow(&path, &options, outlet))?))
+}
+
+/// What the thread hands over.
+enum Delivery {
+    Items(BusNames, Vec<Arrival>),
+    Ended(Ended),
+}
+
+/// The source.
+struct Lines {
+    deliveries: Receiver<Delivery>,
+    /// Tells the thread that nobody listens any more.
+    is_over: Arc<AtomicBool>,
+    names: BusNames,
+    /// Frames lost on each bus, as the text says.
+    lost: Vec<u64>,
+    ended: Option<Ended>,
+}
+
+impl Lines {
+    /// Reads `source` to its end.
+    fn read(source: impl Read + Send + 'static, options: ReadOptions) -> anyhow::Result<Self> {
+        Self::start(move |outlet| match outlet.pump(source, &options) {
+            // A pipe that was closed before anything came.
+            Ok(()) | Err(CaptureError::Empty) => Ended::Complete,
+            Err(error) => Ended::Failed(anyhow::Error::new(error).context("standard input")),
+        })
+    }
+
+    fn start(work: impl FnOnce(&mut Outlet) -> Ended + Send + 'static) -> anyhow::Result<Self> {
+        let (give, deliveries) = mpsc::sync_channel(AHEAD);
+        let is_over = Arc::new(AtomicBool::new(false));
+        let mut outlet = Outlet { give, is_over: Arc::clone(&is_over), names: BusNames::default() };
+        let work = move || {
+            let ended = work(&mut outlet);
+            // Nobody listens any more: nobody wants to know.
+            let _ = outlet.give.send(Delivery::Ended(ended));
+        };
+        std::thread::Builder::new()
+            .name("lines".into())
+            .spawn(work)
+            .context("no thread for a live source")?;
+        Ok(Self { deliveries, is_over, names: BusNames::default(), lost: Vec::new(), ended: None })
+    }
+
+    fn take(&mut self, names: BusNames, items: Vec<Arrival>, arrivals: &mut Arrivals) {
+        self.names = names;
+        self.lost.resize(self.names.names().len(), 0);
+        for item in &items {
+            if let Arrival::Notice(Notice::LostFrames { bus, count, .. }) = item
+                && let Some(lost) = self.lost.get_mut(usize::from(bus.0))
+            {
+                *lost = lost.saturating_add(count.unwrap_or(1));
+            }
+        }
+        arrivals.items.extend(items);
+    }
+}
+
+impl Source for Lines {
+    fn receive(&mut self, arrivals: &mut Arrivals, wait: Duration) -> Result<(), Ended> {
+        let begin = Instant::now();
+        let before = arrivals.items.len();
+        // A delivery has as many frames as a batch, and as many notices.
+        let most = before.saturating_add(MOST - 2 * BATCH_FRAMES);
+        while self.ended.is_none() && arrivals.items.len() <= most {
+            // Only the first is waited for.
+            let left = if arrivals.items.len() > before {
+                Duration::ZERO
+            } else {
+                wait.saturating_sub(begin.elapsed())
+            };
+            match self.deliveries.recv_timeout(left) {
+                Ok(Delivery::Items(names, items)) => self.take(names, items, arrivals),
+                Ok(Delivery::Ended(ended)) => self.ended = Some(ended),
+                Err(RecvTimeoutError::Timeout) => break,
+                Err(RecvTimeoutError::Disconnected) => self.ended = Some(Ended::Complete),
+            }
+        }
+        if arrivals.names != self.names {
+            arrivals.names = self.names.clone();
+        }
+        match self.ended.take() {
+            Some(ended) if arrivals.items.len() == before => Err(ended),
+            ended => {
+                self.ended = ended;
+                Ok(())
+            }
+        }
+    }
+
+    fn status(&mut self) -> Vec<BusStatus> {
+        let status = |(name, lost): (&String, &u64)| BusStatus {
+            name: name.clone(),
+            state: LinkState::Up,
+            bit_rate: None,
+            controller: None,
+            stamps: Stamps::Recorded,
+            lost: *lost,
+        };
+        self.names.names().iter().zip(&self.lost).map(status).collect()
+    }
+
+    fn lag(&self) -> Duration {
+        LAG
+    }
+}
+
+impl Drop for Lines {
+    fn drop(&mut self) {
+        self.is_over.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Where the thread puts what it reads.
+struct Outlet {
+    give: SyncSender<Delivery>,
+    is_over: Arc<AtomicBool>,
+    /// Buses of all that was read, in order of appearance.
+    names: BusNames,
+}
+
+impl Outlet {
+    fn is_over(&self) -> bool {
+        self.is_over.load(Ordering::Relaxed)
+    }
+
+    /// Hands over; `false` when nobody takes it any more.
+    fn give(&self, items: Vec<Arrival>) -> bool {
+        self.give.send(Delivery::Items(self.names.clone(), items)).is_ok()
+    }
+
+    /// Says something that belongs to no bus.
+    fn say(&self, text: String) -> bool {
+        self.give(vec![Arrival::Notice(Notice::Assumption(text))])
+    }
+
+    /// Reads a capture to its end, or until nobody listens any more.
+    fn pump(&mut self, source: impl Read, options: &ReadOptions) -> Result<(), CaptureError> {
+        let mut reader = Reader::open(source, options)?;
+        let mut batch = Batch::new();
+        let mut buses = Vec::new();
+        while reader.read(&mut batch)? {
+            let known = reader.buses().names();
+            for name in known.iter().skip(buses.len()) {
+                buses.push(self.names.index_of(name.as_bytes()));
+            }
+            let items = batch.items().map(|item| match item {
+                Item::Frame(frame) => renamed(frame, &buses),
+                Item::Notice(notice) => Arrival::Notice(on_bus(notice, &buses)),
+            });
+            if !self.give(items.collect()) {
+                break;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The bus of this source which is the capture's own `bus`; `None` where there are too many.
+fn bus_of(bus: BusIndex, buses: &[Option<BusIndex>]) -> Option<BusIndex> {
+    buses.get(usize::from(bus.0)).copied().flatten()
+}
+
+fn renamed(frame: &Frame, buses: &[Option<BusIndex>]) -> Arrival {
+    match bus_of(frame.bus, buses) {
+        Some(bus) => Arrival::Frame(Frame { bus, ..*frame }),
+        None => Arrival::Notice(Notice::Unreadable {
+            place: Place::Now,
+            reason: format!("more than {MAX_BUSES} interfaces"),
+        }),
+    }
+}
+
+fn on_bus(notice: &Notice, buses: &[Option<BusIndex>]) -> Notice {
+    let mut notice = notice.clone();
+    if let Notice::LostFrames { bus, .. } | Notice::Link { bus, .. } = &mut notice {
+        *bus = bus_of(*bus, buses).unwrap_or_default();
+    }
+    notice
+}

@@ -1,0 +1,13 @@
+//! Serial adapters in a build without them.
+
+use anyhow::bail;
+
+use super::Source;
+
+/// Always an error.
+///
+/// # Errors
+/// Always.
+pub fn open(device: &str, _bit_rate: Option<u32>) -> anyhow::Result<Box<dyn Source>> {
+    bail!("{device}: this build cannot open serial adapters (feature serial)")
+}

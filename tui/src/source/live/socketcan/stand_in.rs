@@ -1,0 +1,58 @@
+//! Datagrams that hold a frame each, for measuring where the kernel has no CAN: they are stamped, counted where they
+//! are lost, and read exactly as frames are.
+
+use std::net::UdpSocket;
+use std::os::fd::{AsFd as _, AsRawFd as _};
+use std::time::Duration;
+
+use cobscope_decoder::frame::LinkState;
+use nix::sys::socket::{setsockopt, sockopt};
+
+use super::super::{Arrivals, BusStatus, Ended, Source, Stamps};
+use super::datagrams::Datagrams;
+use super::{GATHER, is_readable};
+use crate::source::live::socketcan::interface::{BUFFER, set_stamps, take};
+
+/// The name of the bus.
+const NAME: &str = "datagrams";
+
+struct StandIn {
+    socket: UdpSocket,
+    datagrams: Datagrams,
+    lost: u64,
+}
+
+/// A source of what `socket` receives.
+///
+/// # Errors
+/// When the socket cannot be set up.
+pub fn stand_in(socket: UdpSocket) -> anyhow::Result<Box<dyn Source>> {
+    setsockopt(&socket, sockopt::RcvBuf, &BUFFER)?;
+    set_stamps(&socket)?;
+    Ok(Box::new(StandIn { socket, datagrams: Datagrams::default(), lost: 0 }))
+}
+
+impl Source for StandIn {
+    fn receive(&mut self, arrivals: &mut Arrivals, wait: Duration) -> Result<(), Ended> {
+        let bus = arrivals.names.index_of(NAME.as_bytes()).unwrap_or_default();
+        if is_readable(self.socket.as_fd(), wait) {
+            std::thread::sleep(GATHER);
+            let (lost, items) = (&mut self.lost, &mut arrivals.items);
+            let read = self.datagrams.read(self.socket.as_raw_fd(), usize::MAX, |datagram| {
+                *lost = lost.saturating_add(datagram.lost.into());
+                take(&datagram, bus, items);
+            });
+            read.map_err(|error| Ended::Failed(error.into()))?;
+        }
+        Ok(())
+    }
+
+    fn status(&mut self) -> Vec<BusStatus> {
+        let (name, state, stamps) = (NAME.to_owned(), LinkState::Up, Stamps::Kernel);
+        vec![BusStatus { name, state, bit_rate: None, controller: None, stamps, lost: self.lost }]
+    }
+
+    fn lag(&self) -> Duration {
+        GATHER * 2
+    }
+}
