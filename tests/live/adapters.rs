@@ -107,10 +107,15 @@ fn frames_come_through_the_adapter_that_slcanpty_is() {
     let record = folder.path().join("slcan.log");
     let live = Program::live([&format!("slcan:{}@500000", port.name), "--record", record.to_str().unwrap()]);
     greet("vcan0", &[&live]);
-    send("vcan0", &CLASSIC);
+    // It writes as many zeros behind a remote frame as that asks for, which is no slcan: told, not guessed at.
+    let (sound, unsound) = CLASSIC.split_at(CLASSIC.len() - 1);
+    send("vcan0", sound);
+    send("vcan0", unsound);
+    let told = live.wait_events("unreadable", |events| !events.is_empty());
     greet("vcan0", &[&live]);
     live.interrupt();
-    assert_eq!(recorded(&record), CLASSIC);
+    assert_eq!(recorded(&record), sound);
+    assert!(told[0]["reason"].as_str().unwrap().contains("R123456783000000"), "{told:?}");
     assert_listened_only(&written);
 }
 

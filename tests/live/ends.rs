@@ -36,6 +36,21 @@ fn it_ends_when_nothing_came_for_so_long() {
 }
 
 #[test]
+fn a_judged_bus_with_findings_ends_as_check_does() {
+    if !in_guest() {
+        return;
+    }
+    let live = Program::live(["vcan0", "--check"]);
+    greet("vcan0", &[&live]);
+    // The controller went off the bus (linux/can/error.h).
+    send("vcan0", &["20000040#0000000000000000"]);
+    live.wait_events("finding-opened", |events| events.iter().any(|event| event["rule"] == "bus-health"));
+    live.signal("INT");
+    let ended = live.end();
+    assert_eq!(ended.status.code(), Some(1), "{ended:?}");
+}
+
+#[test]
 fn a_terminated_program_has_recorded_all() {
     if !in_guest() {
         return;

@@ -23,9 +23,17 @@ const SECONDS: u64 = 10;
 const ROWS: [(&str, u64, &[&str]); 6] = [
     ("1 bus of empty frames: receive only", 21_276, &["--print", "-f", "none", "--no-findings"]),
     ("the same, recorded as candump", 21_276, &["--print", "-f", "none", "--no-findings", "--record", "log"]),
-    ("the same, recorded as pcapng", 21_276, &["--print", "-f", "none", "--no-findings", "--record", "pcapng"]),
+    (
+        "the same, recorded as pcapng",
+        21_276,
+        &["--print", "-f", "none", "--no-findings", "--record", "pcapng"],
+    ),
     ("the same, judged too", 21_276, &["--check", "--record", "pcapng"]),
-    ("2 buses of empty frames, recorded", 42_552, &["--print", "-f", "none", "--no-findings", "--record", "log"]),
+    (
+        "2 buses of empty frames, recorded",
+        42_552,
+        &["--print", "-f", "none", "--no-findings", "--record", "log"],
+    ),
     ("1 bus of eight bytes, recorded", 9_009, &["--print", "-f", "none", "--no-findings", "--record", "log"]),
 ];
 

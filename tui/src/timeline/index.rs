@@ -34,7 +34,8 @@ fn go(shared: &Shared, walk: &mut Walk, news: &Sender<News>) {
         match walk.leap(u64::MAX, &mut |_| ()) {
             Ok(true) => {
                 shared.progress.tell(&walk.world, walk.offset());
-                if walk.is_drained() && shared.grows() && !shared.has_told_growth.swap(true, Ordering::AcqRel) {
+                if walk.is_drained() && shared.grows() && !shared.has_told_growth.swap(true, Ordering::AcqRel)
+                {
                     // The application may be gone.
                     let _ = news.send(News::Grew);
                 }

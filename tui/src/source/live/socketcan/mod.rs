@@ -14,8 +14,8 @@ use super::{Arrivals, BusStatus, Ended, Source};
 use interface::Interface;
 
 pub use interface::how_to_bring_up;
-pub use stand_in::stand_in;
 use interface::interfaces;
+pub use stand_in::stand_in;
 
 /// The name that stands for all interfaces.
 const ANY: &str = "any";
