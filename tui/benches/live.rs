@@ -65,7 +65,7 @@ fn row(name: &str, rate: u64, arguments: &[&str]) {
     let mut sender = Command::new(std::env::current_exe().unwrap()).env(SENDER, order).spawn().unwrap();
     let before = cpu();
     cobscope::live_over_datagrams(&words, socket).unwrap();
-    let used = cpu() - before;
+    let used = cpu().saturating_sub(before);
     let sent = sender.wait().unwrap();
     assert!(sent.success());
     let frames = rate * SECONDS;
@@ -81,8 +81,9 @@ fn row(name: &str, rate: u64, arguments: &[&str]) {
 /// Processor time of this process, in steps of 10 ms.
 fn cpu() -> Duration {
     let stat = std::fs::read_to_string("/proc/self/stat").unwrap();
-    let fields: Vec<&str> = stat.rsplit(')').next().unwrap().split_whitespace().collect();
-    let ticks: u64 = fields[11].parse::<u64>().unwrap() + fields[12].parse::<u64>().unwrap();
+    // The time of the process itself and of the kernel for it, fields 14 and 15 of proc(5).
+    let fields = stat.rsplit(')').next().unwrap().split_whitespace();
+    let ticks: u64 = fields.skip(11).take(2).map(|ticks| ticks.parse::<u64>().unwrap()).sum();
     Duration::from_millis(ticks * 10)
 }
 

@@ -205,10 +205,7 @@ mod tests {
     fn a_panic_gives_the_terminal_back() {
         if std::env::var_os(CHILD).is_some() {
             let _screen = Screen::take().unwrap();
-            #[expect(clippy::panic, reason = "what is tested")]
-            {
-                panic!("on purpose");
-            }
+            panic!("on purpose");
         }
         let (mut pty, pts) = open().unwrap();
         let arguments = ["--exact", "terminal::tests::a_panic_gives_the_terminal_back", "--nocapture"];

@@ -71,6 +71,8 @@ fn parts(core: &Core) -> Vec<(String, Role)> {
     if let Some(record) = core.timeline.live().and_then(|live| live.get().record.clone()) {
         let role = if record.missing > 0 { Role::Bad } else { Role::Header };
         parts.push((format!("REC {record}"), role));
+        let remarks = if record.missing > 0 { record.remarks() } else { Vec::new() };
+        parts.extend(remarks.into_iter().take(1).map(|remark| (remark, Role::Bad)));
     }
     if let Some(stamps) = core.timeline.live().and_then(|live| stamps(&live.get())) {
         parts.push((format!("stamps of {stamps}"), Role::Header));

@@ -139,7 +139,7 @@ impl App {
             || self.core.is_pending()
             || is_searching
             || timeline.is_tracing()
-            || (!timeline.grows() && !(timeline.progress().is_complete() && timeline.survey().is_complete))
+            || !(timeline.grows() || timeline.progress().is_complete() && timeline.survey().is_complete)
     }
 }
 

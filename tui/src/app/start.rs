@@ -52,6 +52,7 @@ impl App {
             early: Vec::new(),
         };
         if start.follows {
+            app.core.say("listening only: nothing is transmitted; space stops following, and follows again");
             app.core.is_following = true;
             app.core.go(Place::End);
         } else {

@@ -1,5 +1,6 @@
 //! Live buses as lines, and judged.
 
+use std::collections::BTreeSet;
 use std::io::Write as _;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -25,7 +26,8 @@ use crate::cmd::input::{session_options, setup};
 use crate::cmd::is_colored;
 use crate::cmd::print::Printer;
 use crate::exit_code::Exit;
-use crate::source::live::{Arrival, Live, Source, SourceSpec, socketcan};
+use crate::record::RecordFailure;
+use crate::source::live::{Arrival, Live, LiveState, Source, SourceSpec, socketcan};
 use crate::timeline::bit_rate_change;
 
 /// How long nothing is waited for at most.
@@ -60,12 +62,14 @@ pub(super) fn watch(
         frames: 0,
         first: None,
         last: None,
+        said: BTreeSet::new(),
     };
-    watch.run(arguments, &inbox, &interrupted);
+    watch.run(arguments, &inbox, &pump.state, &interrupted);
     drop(inbox);
     let state = pump.state.clone();
     let outcome = pump.finish();
     let live = state.get().clone();
+    watch.tell_troubles(&live);
     let exit = watch.finish(arguments, &live);
     for bus in &live.buses {
         say(&format!("{}; {} lost", shown(bus), plural(bus.lost)));
@@ -74,8 +78,7 @@ pub(super) fn watch(
         say(&format!("recorded {outcome}"));
         outcome.remarks().iter().for_each(|remark| say(remark));
     }
-    if let Some(failure) = &live.failure {
-        say(failure);
+    if live.failure.is_some() {
         return Ok(exit.max(Exit::Capture));
     }
     Ok(exit)
@@ -124,11 +127,19 @@ struct Watch {
     frames: u64,
     first: Option<Timestamp>,
     last: Option<Timestamp>,
+    /// What was said of the record and the sources.
+    said: BTreeSet<String>,
 }
 
 impl Watch {
     /// Takes what comes until there is a reason to end.
-    fn run(&mut self, arguments: &LiveArgs, inbox: &Receiver<Came>, interrupted: &AtomicBool) {
+    fn run(
+        &mut self,
+        arguments: &LiveArgs,
+        inbox: &Receiver<Came>,
+        state: &LiveState,
+        interrupted: &AtomicBool,
+    ) {
         let most = arguments.frames_wanted.unwrap_or(u64::MAX);
         let patience = arguments.timeout.map(Duration::from_millis);
         let mut heard = Instant::now();
@@ -143,8 +154,28 @@ impl Watch {
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return,
             }
+            self.tell_troubles(&state.get());
             if patience.is_some_and(|patience| heard.elapsed() >= patience) {
                 return;
+            }
+        }
+    }
+
+    /// Says what is wrong with record and sources when it begins; how much of it there was is said at the end.
+    fn tell_troubles(&mut self, live: &Live) {
+        let failure = live.record.as_ref().and_then(|record| record.failure.as_ref());
+        let failure = failure.map(|failure| {
+            let RecordFailure { path, reason, .. } = failure;
+            format!("{}: {reason}: frames are not recorded; watching goes on", path.display())
+        });
+        let controllers = live.buses.iter().filter_map(|bus| {
+            let state = bus.controller.as_ref()?.split(',').next()?;
+            (!matches!(state, "error active" | "stopped")).then(|| format!("{}: {state}", bus.name))
+        });
+        for text in failure.into_iter().chain(live.failure.clone()).chain(controllers) {
+            if !self.said.contains(&text) {
+                say(&text);
+                self.said.insert(text);
             }
         }
     }

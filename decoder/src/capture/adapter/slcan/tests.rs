@@ -1,3 +1,5 @@
+//! Lines of the manual, of the driver's comments, and broken ones.
+
 use super::*;
 
 /// What comes of `text` in pieces of `size` bytes.

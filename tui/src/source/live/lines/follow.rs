@@ -56,7 +56,7 @@ fn failed(path: &Path, error: CaptureError) -> Ended {
 struct Growing<'a> {
     path: &'a Path,
     file: File,
-    identity: Option<Identity>,
+    identity: Identity,
     position: u64,
     is_over: std::sync::Arc<std::sync::atomic::AtomicBool>,
     /// The last byte read ended no line.
@@ -125,18 +125,21 @@ impl Read for Growing<'_> {
 }
 
 /// What tells a file from another at the same path.
-type Identity = (u64, u64);
-
-#[cfg(unix)]
-#[expect(clippy::unnecessary_wraps, reason = "elsewhere there may be none")]
-fn identity(metadata: &Metadata) -> Option<Identity> {
-    use std::os::unix::fs::MetadataExt as _;
-    Some((metadata.dev(), metadata.ino()))
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Identity {
+    device: u64,
+    number: u64,
+    /// Where files have no number.
+    created: Option<std::time::SystemTime>,
 }
 
-/// Where files have no number, the time at which they were made has to do.
+#[cfg(unix)]
+fn identity(metadata: &Metadata) -> Identity {
+    use std::os::unix::fs::MetadataExt as _;
+    Identity { device: metadata.dev(), number: metadata.ino(), created: None }
+}
+
 #[cfg(not(unix))]
-fn identity(metadata: &Metadata) -> Option<Identity> {
-    let since = metadata.created().ok()?.duration_since(std::time::UNIX_EPOCH).ok()?;
-    Some((since.as_secs(), u64::from(since.subsec_nanos())))
+fn identity(metadata: &Metadata) -> Identity {
+    Identity { device: 0, number: 0, created: metadata.created().ok() }
 }

@@ -126,9 +126,8 @@ fn an_empty_pipe_is_complete_and_one_without_frames_has_failed() {
 
 #[test]
 fn a_receive_gives_a_bounded_number_and_all_of_them_come() {
-    let text: String = (0..20_000)
-        .map(|number| format!("(1700000000.{number:06}) can0 {:03X}#\n", number % 0x800))
-        .collect();
+    let line = |number: u32| format!("(1700000000.{number:06}) can0 {:03X}#\n", number % 0x800);
+    let text = (0..20_000).map(line).collect::<Vec<_>>().concat();
     let mut source = Lines::read(std::io::Cursor::new(text), ReadOptions::default()).unwrap();
     let mut numbers = Vec::new();
     loop {

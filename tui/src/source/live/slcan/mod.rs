@@ -5,7 +5,8 @@
 
 mod port;
 mod stamps;
-#[cfg(all(test, target_os = "linux"))]
+#[cfg(test)]
+#[cfg(target_os = "linux")]
 mod tests;
 
 use std::time::{Duration, Instant};

@@ -80,10 +80,11 @@ mod tests {
     const START: i64 = 1_700_000_000_000 * MILLISECOND;
 
     /// Times in milliseconds from the start, of (stamp, arrival in milliseconds from the start).
-    fn times(frames: &[(u16, i64)]) -> Vec<i64> {
+    fn times(frames: &[(i64, i64)]) -> Vec<i64> {
         let mut clock = StampClock::default();
-        let time = |(stamp, arrival): &(u16, i64)| {
-            (clock.time(*stamp, Timestamp(START + arrival * MILLISECOND)).0 - START) / MILLISECOND
+        let time = |(stamp, arrival): &(i64, i64)| {
+            (clock.time(u16::try_from(*stamp).unwrap(), Timestamp(START + arrival * MILLISECOND)).0 - START)
+                / MILLISECOND
         };
         frames.iter().map(time).collect()
     }
@@ -103,8 +104,7 @@ mod tests {
     #[test]
     fn stamps_begin_anew_each_minute() {
         assert_eq!(times(&[(59_990, 0), (59_999, 9), (0, 10), (40, 55)]), [0, 9, 10, 50]);
-        let a_minute: Vec<_> =
-            (0..130).map(|second| ((second * 1_000 % 60_000) as u16, second * 1_000)).collect();
+        let a_minute: Vec<_> = (0..130).map(|second| (second * 1_000 % 60_000, second * 1_000)).collect();
         assert_eq!(times(&a_minute), (0..130).map(|second| second * 1_000).collect::<Vec<_>>());
     }
 
@@ -131,21 +131,21 @@ mod tests {
     #[test]
     fn a_slow_clock_is_made_good_and_a_fast_one_at_once() {
         // 1 ‰ slow: a second of the adapter takes 1,001 ms. After 60 s it would be 60 ms behind.
-        let slow: Vec<_> = (0..60).map(|second| ((second * 1_000) as u16, second * 1_001)).collect();
+        let slow: Vec<_> = (0..60).map(|second| (second * 1_000, second * 1_001)).collect();
         let found = times(&slow);
         for ((_, arrival), time) in slow.iter().zip(&found) {
             assert!((0..=22).contains(&(arrival - time)), "{arrival}: {time}");
         }
         assert!(found.is_sorted());
-        let fast: Vec<_> = (0..60).map(|second| ((second * 1_000) as u16, second * 999)).collect();
+        let fast: Vec<_> = (0..60).map(|second| (second * 1_000, second * 999)).collect();
         assert_eq!(times(&fast), fast.iter().map(|(_, arrival)| *arrival).collect::<Vec<_>>());
     }
 
     #[test]
     fn a_step_of_this_computers_clock_is_followed() {
         for step in [3_600_000, -3_600_000, 1_000, -1_000] {
-            let before = (0..30).map(|second| ((second * 1_000) as u16, second * 1_000));
-            let after = (30..60).map(|second| ((second * 1_000) as u16, second * 1_000 + step));
+            let before = (0..30).map(|second| (second * 1_000, second * 1_000));
+            let after = (30..60).map(|second| (second * 1_000, second * 1_000 + step));
             let frames: Vec<_> = before.chain(after).collect();
             assert_eq!(times(&frames).last(), Some(&(59_000 + step)), "{step}");
         }
