@@ -84,8 +84,8 @@ fn frames_come_through_the_adapter_that_slcanpty_is() {
     let script = "sleep 9999 | exec stdbuf -oL slcanpty /dev/ptmx vcan0";
     let adapter = Program::start(Command::new("sh").args(["-c", script]));
     let is_open = |line: &str| line.contains("slave pseudo-terminal is");
-    let line = adapter.wait_line("name of a terminal", is_open);
-    let terminal = line.rsplit(' ').next().unwrap();
+    let opened = adapter.wait_line("name of a terminal", is_open);
+    let terminal = opened.rsplit(' ').next().unwrap();
     // Opened before anything else opens and closes it: that would end the adapter.
     let mut to = OpenOptions::new().read(true).write(true).open(terminal).unwrap();
     let mut from = to.try_clone().unwrap();
@@ -93,8 +93,8 @@ fn frames_come_through_the_adapter_that_slcanpty_is() {
 
     let port = Port::open();
     let written = listen(&port, move |bytes| {
-        let opened: Vec<_> = bytes.iter().map(|byte| if *byte == b'L' { b'O' } else { *byte }).collect();
-        to.write_all(&opened).unwrap();
+        let changed: Vec<_> = bytes.iter().map(|byte| if *byte == b'L' { b'O' } else { *byte }).collect();
+        to.write_all(&changed).unwrap();
     });
     let pty = Arc::clone(&port.pty);
     thread::spawn(move || {

@@ -8,7 +8,8 @@ const FD_LENGTHS: [usize; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 
 
 /// Every kind, length and flag there is, and both ends of each range of identifiers.
 fn all_kinds() -> Vec<String> {
-    let data = |length: usize| (0..length).map(|byte| format!("{:02X}", 0xFF - byte)).collect::<String>();
+    let data =
+        |length: usize| (0..length).map(|byte| format!("{:02X}", 0xFF - byte)).collect::<Vec<_>>().concat();
     let mut frames = Vec::new();
     for id in ["000", "123", "7FF", "00000000", "00000123", "12345678", "1FFFFFFE"] {
         frames.extend((0..=8).map(|length| format!("{id}#{}", data(length))));
@@ -54,8 +55,8 @@ fn played_frames_are_recorded_with_the_time_the_kernel_gave_them() {
     }
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("played.log");
-    let lines = |count: u32| (0..count).map(|n| format!("(1.{:06}) played 321#{n:08X}\n", n * 1000));
-    std::fs::write(&file, lines(500).collect::<String>()).unwrap();
+    let lines: Vec<_> = (0..500).map(|n| format!("(1.{:06}) played 321#{n:08X}\n", n * 1000)).collect();
+    std::fs::write(&file, lines.concat()).unwrap();
     let pair = Pair::start("vcan0", "vcan0");
     run("canplayer", &["-I", file.to_str().unwrap(), "vcan0=played"]);
     let records = pair.end();

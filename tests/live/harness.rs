@@ -142,7 +142,7 @@ impl Program {
     /// Whether a frame with [`HELLO`] and this data was told within `limit`.
     fn greeted(&self, data: &str, limit: Duration) -> bool {
         let is = |line: &String| line.contains(HELLO) && line.contains(data);
-        self.find(limit, |said| said.out.iter().rev().any(|line| is(line)).then_some(())).is_some()
+        self.find(limit, |said| said.out.iter().rev().any(is).then_some(())).is_some()
     }
 
     /// Lines on standard output.

@@ -2,7 +2,13 @@
 //!
 //! Tests named `qemu_…` need that guest's controllers. Outside a guest all of them are skipped.
 #![cfg(all(target_os = "linux", feature = "socketcan"))]
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![expect(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::indexing_slicing,
+    reason = "a test that cannot go on has failed"
+)]
 
 mod adapters;
 mod ends;

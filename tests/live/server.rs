@@ -97,14 +97,14 @@ fn serve(mut stream: TcpStream, bus: &'static str, state: &Mutex<State>) -> std:
         stream.write_all(answer.as_bytes())?;
         if let Some(program) = candump.take() {
             let output = stream.try_clone()?;
-            thread::spawn(move || forward(program, output));
+            thread::spawn(move || forward(&program, output));
         }
     }
     Ok(())
 }
 
 /// Writes frames that candump hears from now on, until the client is gone.
-fn forward(candump: Program, mut output: TcpStream) -> std::io::Result<()> {
+fn forward(candump: &Program, mut output: TcpStream) -> std::io::Result<()> {
     let mut told = candump.lines().len();
     loop {
         let lines = candump.more(told);
