@@ -33,7 +33,7 @@ pub fn python() -> Option<PathBuf> {
     path.exists().then_some(path)
 }
 
-/// Says that a test leaves out `part` (corpus, python, tshark): on stderr, past the harness, and in
+/// Says that a test leaves out `part` (corpus, python, tshark, guest): on stderr, past the harness, and in
 /// `target/skipped.txt`, so that a run that tested less does not look like one that tested all.
 ///
 /// # Panics

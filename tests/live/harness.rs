@@ -1,0 +1,316 @@
+//! Programs that run in the guest, what they say, and the buses they use.
+
+use std::env;
+use std::ffi::OsStr;
+use std::io::{BufRead as _, BufReader, Read, Write as _};
+use std::path::Path;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Condvar, Mutex};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+use crate::support;
+
+/// How long something may take on a busy machine before it counts as not happening.
+pub const LIMIT: Duration = Duration::from_mins(1);
+
+/// How long a frame that says "are you there?" is waited for before the next one is sent.
+const PATIENCE: Duration = Duration::from_millis(500);
+
+/// Between two looks at what cannot be waited for otherwise.
+const GLANCE: Duration = Duration::from_millis(10);
+
+/// Identifier of those frames; nothing else uses it.
+pub const HELLO: &str = "1FFFFFFF";
+
+/// Whether this runs in the guest. If not the test is to end: it has been said that it was skipped.
+pub fn in_guest() -> bool {
+    let is = env::var_os("COBSCOPE_GUEST").is_some();
+    if !is {
+        support::skip("guest", "not in the guest of tests/guest/run, see tests/guest/README.md");
+    }
+    is
+}
+
+/// Whether can0 and can1 are there: two controllers on one wire.
+pub fn has_controllers() -> bool {
+    if !in_guest() {
+        return false;
+    }
+    let is = env::var("COBSCOPE_GUEST").is_ok_and(|backend| backend == "qemu");
+    if !is {
+        support::skip("controllers", "only the guest of tests/guest/run --backend qemu has them");
+    }
+    is
+}
+
+/// What a program said so far.
+#[derive(Default)]
+struct Said {
+    out: Vec<String>,
+    err: Vec<String>,
+}
+
+type Shared = Arc<(Mutex<Said>, Condvar)>;
+
+/// A program that runs; dropped it is killed.
+pub struct Program {
+    name: String,
+    child: Child,
+    said: Shared,
+    readers: Vec<thread::JoinHandle<()>>,
+}
+
+/// How a program ended.
+#[derive(Debug)]
+pub struct Ended {
+    pub status: ExitStatus,
+    pub out: Vec<String>,
+    pub err: Vec<String>,
+}
+
+impl Program {
+    /// Starts it with nothing on its standard input.
+    pub fn start(command: &mut Command) -> Self {
+        Self::start_on(Stdio::null(), command)
+    }
+
+    fn start_on(input: impl Into<Stdio>, command: &mut Command) -> Self {
+        let piped = command.stdin(input).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = piped.spawn().unwrap_or_else(|error| panic!("{command:?}: {error}"));
+        let said = Shared::default();
+        let out = listen(child.stdout.take().unwrap(), &said, |said| &mut said.out);
+        let err = listen(child.stderr.take().unwrap(), &said, |said| &mut said.err);
+        Self { name: format!("{command:?}"), child, said, readers: vec![out, err] }
+    }
+
+    /// `cobscope live` that prints events and all undecoded frames as JSON Lines.
+    pub fn live<S: AsRef<OsStr>>(arguments: impl IntoIterator<Item = S>) -> Self {
+        Self::live_on(Stdio::null(), arguments)
+    }
+
+    /// The same with this on its standard input.
+    pub fn live_on<S: AsRef<OsStr>>(input: impl Into<Stdio>, arguments: impl IntoIterator<Item = S>) -> Self {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_cobscope"));
+        Self::start_on(input, command.args(["live", "--print", "-f", "jsonl", "--frames"]).args(arguments))
+    }
+
+    /// candump in its log form, with a receive buffer that loses nothing.
+    pub fn candump(source: &str) -> Self {
+        Self::start(Command::new("candump").args(["-L", "-r", "8388608", source]))
+    }
+
+    /// What `find` makes of what was said, as soon as it makes anything, within `limit`.
+    fn find<T>(&self, limit: Duration, find: impl Fn(&Said) -> Option<T>) -> Option<T> {
+        let (said, changed) = &*self.said;
+        let said = said.lock().unwrap();
+        let (said, _) = changed.wait_timeout_while(said, limit, |said| find(said).is_none()).unwrap();
+        find(&said)
+    }
+
+    fn wait<T>(&self, what: &str, find: impl Fn(&Said) -> Option<T>) -> T {
+        self.find(LIMIT, find).unwrap_or_else(|| panic!("no {what} from {}\n{}", self.name, self.said()))
+    }
+
+    /// The end of what was said, for a message.
+    fn said(&self) -> String {
+        let said = self.said.0.lock().unwrap();
+        let last =
+            |lines: &[String]| lines.iter().rev().take(40).rev().cloned().collect::<Vec<_>>().join("\n");
+        format!("stdout ends:\n{}\nstderr ends:\n{}", last(&said.out), last(&said.err))
+    }
+
+    /// The first line on standard error that is as wanted.
+    pub fn wait_message(&self, what: &str, is: impl Fn(&str) -> bool) -> String {
+        self.wait(what, |said| said.err.iter().find(|line| is(line)).cloned())
+    }
+
+    /// The events of this kind that were told so far.
+    pub fn events(&self, kind: &str) -> Vec<Value> {
+        events(&self.said.0.lock().unwrap().out, kind)
+    }
+
+    /// Waits until the events of this kind are as wanted.
+    pub fn wait_events(&self, kind: &str, are: impl Fn(&[Value]) -> bool) -> Vec<Value> {
+        let wanted = |said: &Said| Some(events(&said.out, kind)).filter(|events| are(events));
+        self.wait(&format!("{kind} events as wanted"), wanted)
+    }
+
+    /// Whether a frame with [`HELLO`] and this data was told within `limit`.
+    fn greeted(&self, data: &str, limit: Duration) -> bool {
+        let is = |line: &String| line.contains(HELLO) && line.contains(data);
+        self.find(limit, |said| said.out.iter().rev().any(is).then_some(())).is_some()
+    }
+
+    /// Lines on standard output.
+    pub fn lines(&self) -> Vec<String> {
+        self.said.0.lock().unwrap().out.clone()
+    }
+
+    /// Lines on standard output after so many, as soon as there are any, within a moment.
+    pub fn more(&self, after: usize) -> Vec<String> {
+        self.find(PATIENCE, |said| said.out.get(after..).filter(|lines| !lines.is_empty()).map(<[_]>::to_vec))
+            .unwrap_or_default()
+    }
+
+    /// The first line on standard output that is as wanted.
+    pub fn wait_line(&self, what: &str, is: impl Fn(&str) -> bool) -> String {
+        self.wait(what, |said| said.out.iter().find(|line| is(line)).cloned())
+    }
+
+    /// Sends a signal: `INT`, `STOP`, `CONT`, `KILL`.
+    pub fn signal(&self, signal: &str) {
+        run("sh", &["-c", &format!("kill -{signal} {}", self.child.id())]);
+    }
+
+    /// Processor time it has used.
+    pub fn processor_time(&self) -> Duration {
+        let text = std::fs::read_to_string(format!("/proc/{}/stat", self.child.id())).unwrap();
+        // After the name in brackets: state is the first, user and system time the 12th and 13th, in 1/100 s.
+        let fields: Vec<_> = text.rsplit(')').next().unwrap().split_whitespace().collect();
+        let ticks: u64 = fields[11..13].iter().map(|field| field.parse::<u64>().unwrap()).sum();
+        Duration::from_millis(10 * ticks)
+    }
+
+    /// Waits until it ends by itself, or by the signal it was sent.
+    pub fn end(mut self) -> Ended {
+        let begin = Instant::now();
+        let status = loop {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                break status;
+            }
+            assert!(begin.elapsed() < LIMIT, "{} does not end\n{}", self.name, self.said());
+            thread::sleep(GLANCE);
+        };
+        self.readers.drain(..).for_each(|reader| reader.join().unwrap());
+        let Said { out, err } = std::mem::take(&mut *self.said.0.lock().unwrap());
+        Ended { status, out, err }
+    }
+
+    /// Ends it as ctrl-c does; that is no failure.
+    pub fn interrupt(self) -> Ended {
+        self.signal("INT");
+        let name = self.name.clone();
+        let ended = self.end();
+        assert!(ended.status.success(), "{name}: {}\n{}", ended.status, ended.err.join("\n"));
+        ended
+    }
+}
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        // A stopped program dies of it too.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Keeps the lines of a stream in a place of what was said.
+fn listen(
+    stream: impl Read + Send + 'static,
+    said: &Shared,
+    place: fn(&mut Said) -> &mut Vec<String>,
+) -> thread::JoinHandle<()> {
+    let said = Arc::clone(said);
+    thread::spawn(move || {
+        for line in BufReader::new(stream).split(b'\n') {
+            let Ok(line) = line else { break };
+            place(&mut said.0.lock().unwrap()).push(String::from_utf8_lossy(&line).into_owned());
+            said.1.notify_all();
+        }
+    })
+}
+
+/// The events of this kind among lines of JSON; what is no JSON fails.
+pub fn events(lines: &[String], kind: &str) -> Vec<Value> {
+    let parse = |line: &String| -> Value {
+        serde_json::from_str(line).unwrap_or_else(|error| panic!("{error}: {line}"))
+    };
+    let is = |event: &Value| event["kind"] == kind;
+    lines.iter().filter(|line| line.contains(kind)).map(parse).filter(is).collect()
+}
+
+/// Runs a command to its end, which must be a success; what it printed.
+pub fn run(program: &str, arguments: &[&str]) -> String {
+    let output = Command::new(program).args(arguments).stdin(Stdio::null()).output().unwrap();
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{program} {arguments:?}: {}\n{error}", output.status);
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// Waits until something is so.
+pub fn wait_until(what: &str, is_so: impl Fn() -> bool) {
+    let begin = Instant::now();
+    while !is_so() {
+        assert!(begin.elapsed() < LIMIT, "{what}: still not so");
+        thread::sleep(GLANCE);
+    }
+}
+
+/// `ip` with arguments as one types them.
+pub fn ip(arguments: &str) {
+    run("ip", &arguments.split_whitespace().collect::<Vec<_>>());
+}
+
+/// Sends frames in cansend's form one after the other, by one program: to start one takes long in a guest.
+pub fn send<S: AsRef<str>>(bus: &str, frames: &[S]) {
+    let mut player = Command::new("canplayer");
+    player.args(["-t", &format!("{bus}=sent")]).stdin(Stdio::piped());
+    let mut player = player.spawn().unwrap();
+    let mut input = player.stdin.take().unwrap();
+    for frame in frames {
+        writeln!(input, "(0.000000) sent {}", frame.as_ref()).unwrap();
+    }
+    drop(input);
+    assert!(player.wait().unwrap().success());
+}
+
+/// Sends a frame of its own kind until all of these programs told of it: now each hears this bus. What was sent
+/// before it has come, or never will. Returns that frame, as candump writes it.
+pub fn greet(bus: &str, programs: &[&Program]) -> String {
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    let begin = Instant::now();
+    while begin.elapsed() < LIMIT {
+        let data = format!("{:08X}", COUNT.fetch_add(1, Ordering::Relaxed));
+        let frame = format!("{HELLO}#{data}");
+        run("cansend", &[bus, &frame]);
+        if programs.iter().all(|program| program.greeted(&data, PATIENCE)) {
+            return frame;
+        }
+    }
+    let said: Vec<_> =
+        programs.iter().map(|program| format!("{}\n{}", program.name, program.said())).collect();
+    panic!("frames sent on {bus} are not told by all of\n{}", said.join("\n"));
+}
+
+/// A virtual bus of a test's own, deleted when dropped.
+pub struct Bus(pub &'static str);
+
+impl Bus {
+    /// Makes it, ready for CAN FD, and switches it on.
+    pub fn new(name: &'static str) -> Self {
+        let bus = Self(name);
+        bus.create();
+        bus
+    }
+
+    pub fn create(&self) {
+        ip(&format!("link add dev {} type vcan", self.0));
+        ip(&format!("link set {} mtu 72 up", self.0));
+    }
+
+    pub fn delete(&self) {
+        ip(&format!("link del {}", self.0));
+    }
+}
+
+impl Drop for Bus {
+    fn drop(&mut self) {
+        if Path::new("/sys/class/net").join(self.0).exists() {
+            self.delete();
+        }
+    }
+}
