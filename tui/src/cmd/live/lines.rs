@@ -53,7 +53,8 @@ pub(super) fn watch(
     let interrupted = interrupted().map_err(|error| (Exit::Capture, error))?;
     let sources = sources().map_err(|error| (Exit::Capture, error))?;
     let recorder = recorder(arguments).map_err(|error| (Exit::Usage, error))?;
-    let (pump, inbox) = Pump::start(sources, recorder).map_err(|error| (Exit::Capture, error))?;
+    let (pump, inbox) =
+        Pump::start(sources, recorder, arguments.frames_wanted).map_err(|error| (Exit::Capture, error))?;
     greet(&pump.state.get());
     let mut watch = Watch {
         decoder: Decoder::new(options),
@@ -140,16 +141,15 @@ impl Watch {
         state: &LiveState,
         interrupted: &AtomicBool,
     ) {
-        let most = arguments.frames_wanted.unwrap_or(u64::MAX);
         let patience = arguments.timeout.map(Duration::from_millis);
         let mut heard = Instant::now();
-        while !interrupted.load(Ordering::Relaxed) && self.frames < most && !self.looker.is_done() {
+        while !interrupted.load(Ordering::Relaxed) && !self.looker.is_done() {
             match inbox.recv_timeout(WAIT) {
                 Ok(came) => {
                     if came.items.iter().any(|item| matches!(item, Arrival::Frame(_))) {
                         heard = Instant::now();
                     }
-                    self.take(came, most);
+                    self.take(came);
                 }
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return,
@@ -180,12 +180,11 @@ impl Watch {
         }
     }
 
-    fn take(&mut self, Came { names, items }: Came, most: u64) {
+    fn take(&mut self, Came { names, items }: Came) {
         self.names = names;
         for item in items {
             match item {
-                Arrival::Frame(frame) if self.frames < most => self.frame(&frame),
-                Arrival::Frame(_) => break,
+                Arrival::Frame(frame) => self.frame(&frame),
                 Arrival::Notice(notice) => {
                     self.decoder.notice(&notice, &self.names, &mut self.looker);
                     self.looker.advance(self.decoder.buses());

@@ -43,19 +43,21 @@ pub(super) struct Pump {
 }
 
 impl Pump {
-    /// Begins to read; what comes is to be taken from the receiver.
+    /// Begins to read, `most` frames at most; what comes is to be taken from the receiver.
     ///
     /// # Errors
     /// When no thread can be started.
     pub(super) fn start(
         sources: Vec<Box<dyn Source>>,
         recorder: Option<Recorder>,
+        most: Option<u64>,
     ) -> anyhow::Result<(Self, Receiver<Came>)> {
         let gather = Gather::start(sources)?;
         let (outbox, inbox) = sync_channel(WAITING);
         let (state, stop) = (LiveState::default(), Arc::new(AtomicBool::new(false)));
         tell(&gather, recorder.as_ref(), &state);
-        let work = Work { gather, recorder, outbox, state: state.clone(), unseen: BTreeMap::new() };
+        let left = most.unwrap_or(u64::MAX);
+        let work = Work { gather, recorder, outbox, state: state.clone(), unseen: BTreeMap::new(), left };
         let stopped = Arc::clone(&stop);
         let thread = std::thread::Builder::new().name("pump".into());
         let thread = thread.spawn(move || work.run(&stopped)).context("no thread can be started")?;
@@ -76,14 +78,17 @@ struct Work {
     state: LiveState,
     /// Frames of each bus that who looks did not get.
     unseen: BTreeMap<u8, u64>,
+    /// Frames that are still wanted.
+    left: u64,
 }
 
 impl Work {
     fn run(mut self, stop: &AtomicBool) -> Option<RecordStatus> {
         while !stop.load(Ordering::Relaxed) {
-            let came = self.gather.next(WAIT);
+            let came = if self.left > 0 { self.gather.next(WAIT) } else { None };
             let has_ended = came.is_none();
-            let items = came.unwrap_or_default();
+            let mut items = came.unwrap_or_default();
+            self.limit(&mut items);
             self.record(&items);
             tell(&self.gather, self.recorder.as_ref(), &self.state);
             for failure in self.gather.failures() {
@@ -98,6 +103,22 @@ impl Work {
             }
         }
         self.recorder.map(Recorder::finish)
+    }
+
+    /// Leaves out what comes behind the last frame that is wanted.
+    fn limit(&mut self, items: &mut Vec<Arrival>) {
+        let frames = items.iter().enumerate().filter(|(_, item)| matches!(item, Arrival::Frame(_)));
+        let mut count = 0;
+        let mut end = items.len();
+        for (place, _) in frames {
+            count += 1;
+            if count == self.left {
+                end = place + 1;
+                break;
+            }
+        }
+        items.truncate(end);
+        self.left -= count;
     }
 
     fn record(&mut self, items: &[Arrival]) {

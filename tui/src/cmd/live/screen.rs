@@ -38,7 +38,8 @@ pub(super) fn run(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> Result<Exit, 
     let has_stdin = specs.contains(&SourceSpec::Stdin);
     let sources = open(arguments, specs).map_err(|error| (Exit::Capture, error))?;
     let recorder = recorder(arguments).map_err(|error| (Exit::Usage, error))?;
-    let (pump, inbox) = Pump::start(sources, recorder).map_err(|error| (Exit::Capture, error))?;
+    let (pump, inbox) =
+        Pump::start(sources, recorder, arguments.frames_wanted).map_err(|error| (Exit::Capture, error))?;
     let (store, writer) =
         Store::live("live".into(), arguments.keep).map_err(|error| (Exit::Capture, error))?;
     let spool = spool(inbox, writer).map_err(|error| (Exit::Capture, error))?;
