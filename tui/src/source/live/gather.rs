@@ -27,6 +27,12 @@ const STATUS: Duration = Duration::from_secs(1);
 /// How long a source waits before it looks whether it is still wanted.
 const WAIT: Duration = Duration::from_millis(100);
 
+/// How long frames gather before they are read.
+pub(super) const PACE: Duration = Duration::from_millis(8);
+
+/// Frames at once from which on reading goes on without a pause.
+const MANY: usize = 1_024;
+
 /// Deliveries that wait; then sources wait, and what their own buffers lose is counted.
 const DELIVERIES: usize = 64;
 
@@ -240,8 +246,13 @@ fn feed(source: &mut dyn Source, place: usize, outbox: &SyncSender<Delivery>, st
     while !stop.load(Ordering::Relaxed) {
         let ended = source.receive(&mut arrivals, WAIT).err();
         let items = std::mem::take(&mut arrivals.items);
-        if !items.is_empty() && !send(What::Items { names: arrivals.names.clone(), items }) {
+        let count = items.len();
+        if count > 0 && !send(What::Items { names: arrivals.names.clone(), items }) {
             return;
+        }
+        // What comes meanwhile gathers: a wake-up costs a thousand times what a frame does.
+        if (1..MANY).contains(&count) && ended.is_none() {
+            std::thread::sleep(PACE);
         }
         if let Some(ended) = ended {
             send(What::Status(source.status()));

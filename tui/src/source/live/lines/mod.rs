@@ -20,6 +20,7 @@ use cobscope_decoder::capture::{
 };
 use cobscope_decoder::frame::{BusIndex, Frame, LinkState};
 
+use super::gather::PACE;
 use super::{Arrival, Arrivals, BusStatus, Ended, Source, Stamps};
 
 /// How late frames may come: an ssh connection stalls, a writer collects lines.
@@ -202,6 +203,10 @@ impl Outlet {
             });
             if !self.give(items.collect()) {
                 break;
+            }
+            if batch.frames().len() < BATCH_FRAMES / 2 {
+                // It comes as it happens: what comes meanwhile gathers.
+                std::thread::sleep(PACE);
             }
         }
         Ok(())

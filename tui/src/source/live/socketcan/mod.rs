@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 
+use super::gather::PACE;
 use super::spec::InterfaceSpec;
 use super::{Arrivals, BusStatus, Ended, Source};
 use interface::Interface;
@@ -19,9 +20,6 @@ pub use stand_in::stand_in;
 
 /// The name that stands for all interfaces.
 const ANY: &str = "any";
-
-/// How long frames gather before they are read.
-const GATHER: Duration = Duration::from_millis(5);
 
 /// How often interfaces are looked at.
 const WATCH: Duration = Duration::from_millis(250);
@@ -115,7 +113,6 @@ impl Source for Interfaces {
         if ready.is_empty() {
             return Ok(());
         }
-        std::thread::sleep(GATHER);
         for interface in &mut self.all {
             interface.receive(arrivals);
         }
@@ -127,6 +124,6 @@ impl Source for Interfaces {
     }
 
     fn lag(&self) -> Duration {
-        GATHER * 2
+        PACE * 2
     }
 }

@@ -8,9 +8,10 @@ use std::time::Duration;
 use cobscope_decoder::frame::LinkState;
 use nix::sys::socket::{setsockopt, sockopt};
 
+use super::super::gather::PACE;
 use super::super::{Arrivals, BusStatus, Ended, Source, Stamps};
 use super::datagrams::Datagrams;
-use super::{GATHER, is_readable};
+use super::is_readable;
 use crate::source::live::socketcan::interface::{BUFFER, set_stamps, take};
 
 /// The name of the bus.
@@ -36,7 +37,6 @@ impl Source for StandIn {
     fn receive(&mut self, arrivals: &mut Arrivals, wait: Duration) -> Result<(), Ended> {
         let bus = arrivals.names.index_of(NAME.as_bytes()).unwrap_or_default();
         if is_readable(self.socket.as_fd(), wait) {
-            std::thread::sleep(GATHER);
             let (lost, items) = (&mut self.lost, &mut arrivals.items);
             let read = self.datagrams.read(self.socket.as_raw_fd(), usize::MAX, |datagram| {
                 *lost = lost.saturating_add(datagram.lost.into());
@@ -53,6 +53,6 @@ impl Source for StandIn {
     }
 
     fn lag(&self) -> Duration {
-        GATHER * 2
+        PACE * 2
     }
 }
