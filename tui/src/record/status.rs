@@ -15,8 +15,6 @@ pub enum Unheld {
     Links,
     /// How many frames were lost.
     Losses,
-    /// Times up to which nothing came.
-    QuietTimes,
     /// What of a source could not be read.
     Unreadable,
 }
@@ -27,9 +25,9 @@ impl Unheld {
         match notice {
             Notice::Link { .. } => Some(Self::Links),
             Notice::LostFrames { .. } => Some(Self::Losses),
-            Notice::Quiet(_) => Some(Self::QuietTimes),
             Notice::Unreadable { .. } => Some(Self::Unreadable),
-            Notice::Assumption(_) => None,
+            // The next frame tells as well how long nothing came.
+            Notice::Assumption(_) | Notice::Quiet(_) => None,
         }
     }
 
@@ -38,7 +36,6 @@ impl Unheld {
         match self {
             Self::Links => "links up and down",
             Self::Losses => "lost frames",
-            Self::QuietTimes => "quiet times",
             Self::Unreadable => "unreadable input",
         }
     }
