@@ -28,7 +28,7 @@ const STATUS: Duration = Duration::from_secs(1);
 const WAIT: Duration = Duration::from_millis(100);
 
 /// How long frames gather before they are read.
-pub(super) const PACE: Duration = Duration::from_millis(8);
+pub(super) const PACE: Duration = Duration::from_millis(15);
 
 /// Frames at once from which on reading goes on without a pause.
 const MANY: usize = 1_024;
