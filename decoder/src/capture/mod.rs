@@ -109,6 +109,16 @@ pub enum Notice {
     Quiet(Timestamp),
 }
 
+impl Notice {
+    /// The bus it is about; the first one where it is about none.
+    pub fn bus(&self) -> BusIndex {
+        match self {
+            Self::LostFrames { bus, .. } | Self::Link { bus, .. } => *bus,
+            Self::Unreadable { .. } | Self::Assumption(_) | Self::Quiet(_) => BusIndex(0),
+        }
+    }
+}
+
 impl fmt::Display for Notice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

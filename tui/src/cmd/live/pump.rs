@@ -128,13 +128,7 @@ impl Work {
         for item in items {
             match item {
                 Arrival::Frame(frame) => recorder.frame(frame, name(frame.bus)),
-                Arrival::Notice(notice) => {
-                    let bus = match notice {
-                        Notice::LostFrames { bus, .. } | Notice::Link { bus, .. } => *bus,
-                        _ => BusIndex(0),
-                    };
-                    recorder.notice(notice, name(bus));
-                }
+                Arrival::Notice(notice) => recorder.notice(notice, name(notice.bus())),
             }
         }
         recorder.tick(Instant::now());

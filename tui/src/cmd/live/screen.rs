@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread::JoinHandle;
 
 use anyhow::{Context as _, ensure};
-use cobscope_decoder::capture::{FrameWriter, Notice, WRITABLE};
+use cobscope_decoder::capture::{FrameWriter, WRITABLE};
 use cobscope_decoder::frame::BusIndex;
 
 use super::pump::{Came, Pump};
@@ -108,11 +108,7 @@ fn write(writer: &mut dyn FrameWriter, names: &[String], items: &[Arrival]) -> s
         match item {
             Arrival::Frame(frame) => writer.write(frame, name(frame.bus))?,
             Arrival::Notice(notice) => {
-                let bus = match notice {
-                    Notice::LostFrames { bus, .. } | Notice::Link { bus, .. } => *bus,
-                    _ => BusIndex(0),
-                };
-                writer.notice(notice, name(bus))?;
+                writer.notice(notice, name(notice.bus()))?;
             }
         }
     }
