@@ -314,7 +314,8 @@ impl Observer for Out<'_> {
         if let Some(change) = bit_rate_change(event) {
             let name = bus.name();
             say(&format!(
-                "{name}: {change}: set this interface too: ip link set {name} down, then up type can bitrate …"
+                "{name}: {change}: give it the new bit rate here too (ip link set {name} down; ip link set {name} up type \
+                 can bitrate RATE), a serial adapter by its @RATE"
             ));
         }
         let is_finding = matches!(event.kind, EventKind::FindingOpened(_) | EventKind::FindingClosed(_));
