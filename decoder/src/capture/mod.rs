@@ -19,11 +19,13 @@ mod calendar;
 mod candump;
 mod columns;
 mod compression;
+mod holds;
 mod link;
 mod merged;
 mod pcap;
 mod pcapng;
 mod reader;
+mod remark;
 #[cfg(test)]
 mod testing;
 mod text;
@@ -37,10 +39,11 @@ use crate::frame::{BusIndex, LinkState, Timestamp};
 pub use batch::{BATCH_FRAMES, Batch, Item};
 pub use candump::TimeStyle;
 pub use compression::{decompress, is_compressed};
+pub use holds::{Directions, ErrorFrames, Holds, Losses};
 pub use link::kernel_frame;
 pub use merged::{Merged, MergedCapture, MergedPosition};
 pub use reader::{Position, Reader};
-pub use writer::{FrameWriter, WritableFormat};
+pub use writer::{FrameWriter, Packing, WritableFormat, WriteOptions};
 
 /// Input a parser may be asked to look at before it must take some: longer lines and records are
 /// skipped by it piece by piece.

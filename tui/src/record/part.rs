@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use cobscope_decoder::capture::{FrameWriter, WritableFormat};
+use cobscope_decoder::capture::{FrameWriter, WritableFormat, WriteOptions};
 
 use super::disk::PartFile;
 use super::item::{Item, What};
@@ -66,7 +66,7 @@ impl Part {
         Self {
             path,
             file,
-            writer: (format.writer)(Box::new(held.clone())),
+            writer: (format.writer)(Box::new(held.clone()), &WriteOptions::default()),
             held,
             held_length: 0,
             records: Vec::new(),

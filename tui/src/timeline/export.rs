@@ -7,7 +7,7 @@ use std::sync::PoisonError;
 use std::sync::mpsc::Sender;
 
 use anyhow::Context as _;
-use cobscope_decoder::capture::WritableFormat;
+use cobscope_decoder::capture::{WritableFormat, WriteOptions};
 use cobscope_decoder::replay::{Spot, Told};
 use cobscope_decoder::sink::jsonl::Jsonl;
 use cobscope_decoder::sink::text::{PdoLines, Text, TextOptions};
@@ -104,7 +104,7 @@ fn frames(
     format: &WritableFormat,
     output: impl Write + Send + 'static,
 ) -> anyhow::Result<String> {
-    let mut writer = (format.writer)(Box::new(output));
+    let mut writer = (format.writer)(Box::new(output), &WriteOptions::default());
     let mut walk = walk_to(shared, export.first)?;
     let mut count: u64 = 0;
     while !shared.is_over() {

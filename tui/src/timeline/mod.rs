@@ -333,7 +333,7 @@ mod tests {
     use std::sync::mpsc::Receiver;
     use std::time::Duration;
 
-    use cobscope_decoder::capture::{FrameWriter, Notice, WRITABLE};
+    use cobscope_decoder::capture::{FrameWriter, Notice, WRITABLE, WriteOptions};
     use cobscope_decoder::frame::{BusIndex, CanId, Frame};
 
     use super::*;
@@ -367,7 +367,7 @@ mod tests {
         const FRAMES: u64 = 600_000;
         let (store, written) = Store::live("live".into(), 0).unwrap();
         let format = WRITABLE.iter().find(|format| format.name == "pcapng").unwrap();
-        let mut writer = (format.writer)(Box::new(BufWriter::new(written)));
+        let mut writer = (format.writer)(Box::new(BufWriter::new(written)), &WriteOptions::default());
         writer.flush().unwrap();
         let (news, found) = channel();
         let live = Some(LiveBuses { store: Arc::clone(&store), state: LiveState::default() });

@@ -13,7 +13,8 @@ pub use time::TimeStyle;
 
 use super::text::{Lines, Step, excerpt};
 use super::{
-    Batch, BusNames, CaptureError, Format, LARGEST_RECORD, Notice, Parser, Place, ReadOptions, WritableFormat,
+    Batch, BusNames, CaptureError, Format, Holds, LARGEST_RECORD, Notice, Parser, Place, ReadOptions,
+    WritableFormat,
 };
 use crate::frame::{Frame, FrameFlags};
 
@@ -41,7 +42,8 @@ pub(super) const WRITABLE: WritableFormat = WritableFormat {
     name: FORMAT.name,
     suffix: "log",
     title: FORMAT.title,
-    writer: |output| Box::new(write::CandumpWriter::new(output)),
+    holds: Holds { notices: false, comments: false, ..Holds::ALL },
+    writer: |output, _| Box::new(write::CandumpWriter::new(output)),
 };
 
 /// Reader of candump text.

@@ -14,7 +14,6 @@
 
 mod block;
 mod interface;
-mod remark;
 mod section;
 mod write;
 
@@ -22,7 +21,9 @@ use block::{Block, Found, Kind, START};
 use section::Section;
 
 use super::byte_order::ByteOrder;
-use super::{Batch, BusNames, CaptureError, Format, LARGEST_RECORD, Notice, Parser, Place, WritableFormat};
+use super::{
+    Batch, BusNames, CaptureError, Format, Holds, LARGEST_RECORD, Notice, Parser, Place, WritableFormat,
+};
 
 pub(super) const FORMAT: Format = Format {
     name: "pcapng",
@@ -39,7 +40,8 @@ pub(super) const WRITABLE: WritableFormat = WritableFormat {
     name: FORMAT.name,
     suffix: "pcapng",
     title: FORMAT.title,
-    writer: |output| Box::new(write::PcapngWriter::new(output)),
+    holds: Holds { untimed: false, comments: false, ..Holds::ALL },
+    writer: |output, _| Box::new(write::PcapngWriter::new(output)),
 };
 
 /// Option of any block: a comment.

@@ -10,10 +10,10 @@
 
 use super::block::{Block, Kind, START};
 use super::interface::{Interface, Options};
-use super::remark::Remark;
 use super::{COMMENT, unreadable};
 use crate::capture::byte_order::ByteOrder;
 use crate::capture::link::{Head, Output, common};
+use crate::capture::remark::Remark;
 use crate::capture::{Batch, BusNames, Notice, Place};
 use crate::frame::{BusIndex, FrameFlags};
 

@@ -11,8 +11,8 @@ use std::io::{self, Write};
 
 use super::super::writer::FrameWriter;
 use super::COMMENT;
-use super::remark::Remark;
 use crate::capture::Notice;
+use crate::capture::remark::Remark;
 use crate::frame::{CanId, Frame, FrameFlags, Timestamp};
 
 const SECTION_HEADER: u32 = 0x0A0D_0D0A;

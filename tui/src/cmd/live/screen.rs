@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread::JoinHandle;
 
 use anyhow::{Context as _, ensure};
-use cobscope_decoder::capture::{FrameWriter, WRITABLE};
+use cobscope_decoder::capture::{FrameWriter, WRITABLE, WriteOptions};
 use cobscope_decoder::frame::BusIndex;
 
 use super::pump::{Came, Pump};
@@ -87,7 +87,8 @@ fn spool(inbox: Receiver<Came>, store: StoreWriter) -> anyhow::Result<JoinHandle
     let format = WRITABLE.iter().find(|format| format.name == FORMAT).context("no format for the store")?;
     let thread = std::thread::Builder::new().name("spool".into());
     let written = store.store();
-    let mut writer = (format.writer)(Box::new(BufWriter::with_capacity(PIECE, store)));
+    let mut writer =
+        (format.writer)(Box::new(BufWriter::with_capacity(PIECE, store)), &WriteOptions::default());
     writer.flush().context("the temporary file cannot be written")?;
     let run = move || {
         let mut failure = None;

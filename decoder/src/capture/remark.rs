@@ -1,4 +1,4 @@
-//! What this program says in comments of statistics blocks: pcapng has no blocks for it.
+//! What this program says in comments of captures whose format has no place for it.
 //!
 //! ```text
 //! cobscope: link up 250000      the way to the bus is open, at this bit rate

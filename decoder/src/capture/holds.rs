@@ -1,0 +1,310 @@
+//! What formats have a place for, and what a capture loses in one that has less.
+
+use super::bus_error::{Violation, violation};
+use crate::frame::{Frame, FrameFlags, Timestamp};
+
+/// What of error frames a format holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ErrorFrames {
+    /// All that SocketCAN says of them.
+    Whole,
+    /// That there was one, without its class and details.
+    Mark,
+    /// Nothing: they are left out.
+    None,
+}
+
+/// What of a frame's direction a format holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Directions {
+    /// Whether it was received or sent, or that this is not known.
+    Whole,
+    /// Received or sent: what is not known is written as received.
+    Assumed,
+    /// Nothing.
+    None,
+}
+
+/// What a format has a place for, besides identifier, data and time of classic frames and remote frames.
+#[derive(Debug, Clone, Copy)]
+pub struct Holds {
+    /// Unit of its times in nanoseconds.
+    pub resolution: i64,
+    /// Frames without time; otherwise they get the time of the frame before.
+    pub untimed: bool,
+    /// Times before that of the first frame; otherwise they are written as that one.
+    pub backwards: bool,
+    /// CAN FD frames with both their flags; otherwise they are left out.
+    pub fd: bool,
+    /// Error frames.
+    pub errors: ErrorFrames,
+    /// DLCs above 8 of classic frames.
+    pub raw_dlc: bool,
+    /// Received or sent.
+    pub directions: Directions,
+    /// Names of buses; otherwise they are numbered from 1.
+    pub bus_names: bool,
+    /// Lost frames, links, and times in which nothing came.
+    pub notices: bool,
+    /// A text with a frame.
+    pub comments: bool,
+}
+
+impl Holds {
+    /// A format that has a place for everything.
+    pub const ALL: Self = Self {
+        resolution: 1,
+        untimed: true,
+        backwards: true,
+        fd: true,
+        errors: ErrorFrames::Whole,
+        raw_dlc: true,
+        directions: Directions::Whole,
+        bus_names: true,
+        notices: true,
+        comments: true,
+    };
+
+    /// What of a frame is read again; none where it is left out. Its time is not looked at beyond the resolution.
+    pub fn kept(&self, frame: &Frame) -> Option<Frame> {
+        let is_error = frame.flags.contains(FrameFlags::ERROR);
+        let is_left_out =
+            is_error && self.errors == ErrorFrames::None || frame.flags.contains(FrameFlags::FD) && !self.fd;
+        if is_left_out {
+            return None;
+        }
+        let mut kept = *frame;
+        kept.time = frame.time.map(|time| self.cut(time));
+        if !self.raw_dlc {
+            kept.raw_dlc = 0;
+        }
+        if is_error && self.errors == ErrorFrames::Mark {
+            let mark = violation(Violation::Other, false, 0, None);
+            (kept.id, kept.length, kept.bytes) = (mark.id, mark.length, mark.bytes);
+        }
+        let directions = FrameFlags::TRANSMITTED.with(FrameFlags::RECEIVED);
+        match self.directions {
+            Directions::Whole => {}
+            Directions::Assumed if kept.flags.0 & directions.0 != 0 => {}
+            Directions::Assumed => kept.flags = kept.flags.with(FrameFlags::RECEIVED),
+            Directions::None => kept.flags = FrameFlags(kept.flags.0 & !directions.0),
+        }
+        Some(kept)
+    }
+
+    /// A time in the format's unit, cut towards the past.
+    pub fn cut(&self, time: Timestamp) -> Timestamp {
+        Timestamp(time.0.saturating_sub(time.0.rem_euclid(self.resolution.max(1))))
+    }
+}
+
+/// Something a frame had and the format has no place for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Loss {
+    FdFrame,
+    ErrorFrame,
+    ErrorDetail,
+    Resolution,
+    NoTime,
+    Backwards,
+    RawDlc,
+    Direction,
+    DirectionAssumed,
+}
+
+/// What is said of each, behind the number of frames.
+const SAID: [(Loss, &str); 9] = [
+    (Loss::FdFrame, "CAN FD frames left out"),
+    (Loss::ErrorFrame, "error frames left out"),
+    (Loss::ErrorDetail, "error frames without their class and details"),
+    (Loss::Resolution, "times cut to"),
+    (Loss::NoTime, "frames without time got the time of the frame before"),
+    (Loss::Backwards, "times before that of the first frame written as that one"),
+    (Loss::RawDlc, "DLCs above 8 written as 8"),
+    (Loss::Direction, "frames without being received or sent"),
+    (Loss::DirectionAssumed, "frames not known to be received or sent, written as received"),
+];
+
+/// Counts what frames lose in a format.
+#[derive(Debug, Clone)]
+pub struct Losses {
+    holds: Holds,
+    first: Option<Timestamp>,
+    counts: [u64; SAID.len()],
+    comments: u64,
+    notices: u64,
+}
+
+impl Losses {
+    /// Nothing is lost yet in a format that holds this.
+    pub fn new(holds: Holds) -> Self {
+        Self { holds, first: None, counts: [0; SAID.len()], comments: 0, notices: 0 }
+    }
+
+    /// Counts what a frame loses, in the order in which frames are written.
+    pub fn see(&mut self, frame: &Frame) {
+        let (holds, flags) = (self.holds, frame.flags);
+        let is_error = flags.contains(FrameFlags::ERROR);
+        if flags.contains(FrameFlags::FD) && !holds.fd {
+            return self.count(Loss::FdFrame);
+        }
+        if is_error {
+            match holds.errors {
+                ErrorFrames::None => return self.count(Loss::ErrorFrame),
+                ErrorFrames::Mark => self.count(Loss::ErrorDetail),
+                ErrorFrames::Whole => {}
+            }
+        }
+        match frame.time {
+            None if !holds.untimed => self.count(Loss::NoTime),
+            None => {}
+            Some(time) => self.see_time(time),
+        }
+        if frame.raw_dlc > 8 && !flags.contains(FrameFlags::FD) && !holds.raw_dlc {
+            self.count(Loss::RawDlc);
+        }
+        let has_direction = flags.contains(FrameFlags::TRANSMITTED) || flags.contains(FrameFlags::RECEIVED);
+        match holds.directions {
+            Directions::None if has_direction => self.count(Loss::Direction),
+            Directions::Assumed if !has_direction && !is_error => self.count(Loss::DirectionAssumed),
+            _ => {}
+        }
+    }
+
+    fn see_time(&mut self, time: Timestamp) {
+        if self.holds.resolution > 1 && self.holds.cut(time) != time {
+            self.count(Loss::Resolution);
+        }
+        let first = *self.first.get_or_insert(time);
+        if time < first && !self.holds.backwards {
+            self.count(Loss::Backwards);
+        }
+    }
+
+    /// Counts a notice that had no place.
+    pub fn miss_notice(&mut self) {
+        self.notices += 1;
+    }
+
+    /// Counts a comment that had no place.
+    pub fn miss_comment(&mut self) {
+        self.comments += 1;
+    }
+
+    fn count(&mut self, loss: Loss) {
+        if let Some(count) =
+            SAID.iter().position(|(said, _)| *said == loss).and_then(|at| self.counts.get_mut(at))
+        {
+            *count += 1;
+        }
+    }
+
+    /// What was lost, a text each, with how often.
+    pub fn said(&self) -> Vec<String> {
+        let mut all = Vec::new();
+        for ((loss, text), count) in SAID.iter().zip(self.counts).filter(|(_, count)| *count > 0) {
+            all.push(match loss {
+                Loss::Resolution => format!("{count} {text} {}", unit(self.holds.resolution)),
+                _ => format!("{count} {text}"),
+            });
+        }
+        if self.notices > 0 {
+            all.push(format!("{} notes of lost frames, links and quiet times left out", self.notices));
+        }
+        if self.comments > 0 {
+            all.push(format!("{} comments left out", self.comments));
+        }
+        all
+    }
+}
+
+/// A unit of time by its nanoseconds.
+fn unit(nanoseconds: i64) -> String {
+    match nanoseconds {
+        1_000 => "microseconds".into(),
+        1_000_000 => "milliseconds".into(),
+        1_000_000_000 => "seconds".into(),
+        other if other % 1_000 == 0 => format!("steps of {} microseconds", other / 1_000),
+        other => format!("steps of {other} nanoseconds"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::CanId;
+
+    const POOR: Holds = Holds {
+        resolution: 1_000,
+        untimed: false,
+        backwards: false,
+        fd: false,
+        errors: ErrorFrames::Mark,
+        raw_dlc: false,
+        directions: Directions::None,
+        bus_names: false,
+        notices: false,
+        comments: false,
+    };
+
+    fn frame(time: i64) -> Frame {
+        Frame { time: Some(Timestamp(time)), ..Frame::data_frame(CanId::standard(1), &[1; 8]) }
+    }
+
+    #[test]
+    fn nothing_is_lost_where_there_is_a_place_for_everything() {
+        let mut losses = Losses::new(Holds::ALL);
+        let odd = Frame { raw_dlc: 15, flags: FrameFlags::TRANSMITTED, ..frame(1_001) };
+        losses.see(&odd);
+        losses.see(&Frame { time: None, flags: FrameFlags::FD, ..odd });
+        assert_eq!(losses.said(), [] as [&str; 0]);
+        assert_eq!(Holds::ALL.kept(&odd), Some(odd));
+    }
+
+    #[test]
+    fn each_loss_is_counted_and_said() {
+        let mut losses = Losses::new(POOR);
+        losses.see(&frame(5_000));
+        losses.see(&Frame { raw_dlc: 9, flags: FrameFlags::RECEIVED, ..frame(4_999) });
+        losses.see(&Frame { time: None, ..frame(0) });
+        losses.see(&Frame { flags: FrameFlags::FD, ..frame(6_000) });
+        losses.see(&Frame { flags: FrameFlags::ERROR, ..frame(6_000) });
+        losses.miss_notice();
+        assert_eq!(
+            losses.said(),
+            [
+                "1 CAN FD frames left out",
+                "1 error frames without their class and details",
+                "1 times cut to microseconds",
+                "1 frames without time got the time of the frame before",
+                "1 times before that of the first frame written as that one",
+                "1 DLCs above 8 written as 8",
+                "1 frames without being received or sent",
+                "1 notes of lost frames, links and quiet times left out",
+            ]
+        );
+    }
+
+    #[test]
+    fn what_is_kept_is_what_is_read_again() {
+        let odd = Frame { raw_dlc: 9, flags: FrameFlags::RECEIVED, ..frame(-1) };
+        let kept = Frame { raw_dlc: 0, flags: FrameFlags(0), ..frame(-1_000) };
+        assert_eq!(POOR.kept(&odd), Some(kept));
+        assert_eq!(POOR.kept(&Frame { flags: FrameFlags::FD, ..odd }), None);
+        let error = Frame {
+            flags: FrameFlags::ERROR,
+            ..Frame::data_frame(CanId::extended(0x204), &[0, 4, 0, 0, 0, 0, 0, 96])
+        };
+        let mark = POOR.kept(&error).unwrap();
+        assert_eq!((mark.id, mark.data()), (CanId::extended(0x88), &[0; 8][..]));
+        let assumed = Holds { directions: Directions::Assumed, ..Holds::ALL };
+        assert!(assumed.kept(&frame(0)).unwrap().flags.contains(FrameFlags::RECEIVED));
+        assert!(
+            !assumed
+                .kept(&Frame { flags: FrameFlags::TRANSMITTED, ..frame(0) })
+                .unwrap()
+                .flags
+                .contains(FrameFlags::RECEIVED)
+        );
+    }
+}
