@@ -21,6 +21,7 @@ mod columns;
 mod compression;
 mod holds;
 mod link;
+mod mcap;
 mod merged;
 mod pcap;
 mod pcapng;
@@ -41,6 +42,8 @@ pub use candump::TimeStyle;
 pub use compression::{decompress, is_compressed};
 pub use holds::{Directions, ErrorFrames, Holds, Losses};
 pub use link::kernel_frame;
+#[cfg(feature = "mcap")]
+pub use mcap::{McapWriter, Topic};
 pub use merged::{Merged, MergedCapture, MergedPosition};
 pub use reader::{Position, Reader};
 pub use writer::{FrameWriter, Packing, WritableFormat, WriteOptions};
@@ -252,10 +255,16 @@ pub struct Format {
 }
 
 /// All formats, binary before text, strict before lenient: the first that recognises a capture reads it.
-pub const FORMATS: &[Format] = &[pcapng::FORMAT, pcap::FORMAT, trc::FORMAT, asc::FORMAT, candump::FORMAT];
+pub const FORMATS: &[Format] =
+    &[mcap::FORMAT, pcapng::FORMAT, pcap::FORMAT, trc::FORMAT, asc::FORMAT, candump::FORMAT];
 
 /// All formats that can be written.
-pub const WRITABLE: &[WritableFormat] = &[candump::WRITABLE, pcapng::WRITABLE];
+pub const WRITABLE: &[WritableFormat] = &[
+    candump::WRITABLE,
+    pcapng::WRITABLE,
+    #[cfg(feature = "mcap")]
+    mcap::WRITABLE,
+];
 
 /// The format that recognises these first bytes.
 pub fn detect(head: &[u8]) -> Option<&'static Format> {

@@ -6,6 +6,7 @@
 //! cobscope: link down           the interface was switched off
 //! cobscope: link gone           it was taken away
 //! cobscope: quiet               nothing came up to this time
+//! cobscope: lost 3              so many frames were lost before this one; "lost" where it is not known how many
 //! ```
 
 use crate::frame::LinkState;
@@ -13,6 +14,7 @@ use crate::frame::LinkState;
 const PREFIX: &str = "cobscope: ";
 const LINK: &str = "link ";
 const QUIET: &str = "quiet";
+const LOST: &str = "lost";
 
 /// Such a comment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,6 +23,8 @@ pub(super) enum Remark {
     Link(LinkState, Option<u32>),
     /// Nothing came until now.
     Quiet,
+    /// Frames were lost, so many where it is known.
+    Lost(Option<u64>),
 }
 
 impl Remark {
@@ -29,6 +33,9 @@ impl Remark {
         let text = std::str::from_utf8(comment).ok()?.strip_prefix(PREFIX)?;
         if text == QUIET {
             return Some(Self::Quiet);
+        }
+        if let Some(count) = text.strip_prefix(LOST) {
+            return Some(Self::Lost(count.strip_prefix(' ').and_then(|count| count.parse().ok())));
         }
         let mut words = text.strip_prefix(LINK)?.split(' ');
         let name = words.next()?;
@@ -40,6 +47,8 @@ impl Remark {
     pub(super) fn text(self) -> String {
         match self {
             Self::Quiet => format!("{PREFIX}{QUIET}"),
+            Self::Lost(None) => format!("{PREFIX}{LOST}"),
+            Self::Lost(Some(count)) => format!("{PREFIX}{LOST} {count}"),
             Self::Link(state, None) => format!("{PREFIX}{LINK}{}", state.name()),
             Self::Link(state, Some(rate)) => format!("{PREFIX}{LINK}{} {rate}", state.name()),
         }
@@ -60,6 +69,8 @@ mod tests {
             Some(Remark::Link(LinkState::Up, Some(250_000)))
         );
         assert_eq!(Remark::parse(b"cobscope: link gone"), Some(Remark::Link(LinkState::Gone, None)));
-        assert_eq!(Remark::parse(b"cobscope: quiet"), Some(Remark::Quiet));
+        for remark in [Remark::Quiet, Remark::Lost(None), Remark::Lost(Some(7))] {
+            assert_eq!(Remark::parse(remark.text().as_bytes()), Some(remark));
+        }
     }
 }

@@ -242,6 +242,7 @@ impl Section {
                 batch.notice(Notice::Link { bus, time, state, bit_rate });
             }
             Some(Remark::Quiet) => batch.notice(Notice::Quiet(time)),
+            Some(Remark::Lost(count)) => batch.notice(Notice::LostFrames { place, bus, count }),
             None => {}
         }
     }

@@ -1,0 +1,265 @@
+//! Messages of ROS: CDR (ROS 2, OMG DDS-XTypes 7.4.1) and the packed form of ROS 1.
+//!
+//! ```text
+//! CDR    0 order: 0x0000 big-endian, 0x0001 little-endian (2)   options (2)   4 fields, each on a multiple of its size
+//! ROS 1  fields, little-endian, without gaps
+//! ```
+//! Lengths of texts and arrays are four bytes; a text of CDR ends with a NUL that is counted.
+
+use super::layout::{Count, Field, Kind, Layout, Role};
+use crate::capture::byte_order::ByteOrder;
+use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, fd_length};
+
+/// Bytes of a text that are looked at.
+const LONGEST_TEXT: usize = 64;
+
+/// SocketCAN's bits in an identifier.
+const EXTENDED: u32 = 0x8000_0000;
+const REMOTE: u32 = 0x4000_0000;
+const ERROR: u32 = 0x2000_0000;
+
+/// How fields follow one another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Encoding {
+    Cdr,
+    Ros1,
+}
+
+/// What a message says.
+#[derive(Debug, PartialEq)]
+pub(super) struct Found<'a> {
+    /// Without bus, number and time.
+    pub(super) frame: Frame,
+    /// Nanoseconds of its stamp, if it has one.
+    pub(super) stamp: Option<i64>,
+    /// Name of the bus, as the message says.
+    pub(super) bus: &'a [u8],
+}
+
+/// The frame in a message.
+///
+/// # Errors
+/// What is wrong with it.
+pub(super) fn read<'a>(
+    layout: &Layout,
+    encoding: Encoding,
+    bytes: &'a [u8],
+) -> Result<Found<'a>, &'static str> {
+    let mut fields = Fields::new(encoding, bytes)?;
+    let mut values = Values::default();
+    for field in &layout.fields {
+        fields.field(*field, &mut values).ok_or("the message ends inside a field")?;
+    }
+    values.found(layout.is_fd)
+}
+
+/// Values of the fields that mean something.
+#[derive(Default)]
+struct Values<'a> {
+    seconds: i64,
+    nanoseconds: i64,
+    bus: &'a [u8],
+    id: u32,
+    extended: Option<bool>,
+    remote: bool,
+    error: bool,
+    length: Option<u8>,
+    data: &'a [u8],
+    fd: Option<bool>,
+    switched: bool,
+    passive: bool,
+}
+
+impl<'a> Values<'a> {
+    fn number(&mut self, role: Role, value: u64) {
+        let is_set = value != 0;
+        match role {
+            Role::Seconds => self.seconds = i64::try_from(value).unwrap_or(0),
+            Role::Nanoseconds => self.nanoseconds = i64::try_from(value).unwrap_or(0),
+            Role::Id => self.id = u32::try_from(value).unwrap_or(u32::MAX),
+            Role::Extended => self.extended = Some(is_set),
+            Role::Remote => self.remote = is_set,
+            Role::Error => self.error = is_set,
+            Role::Length => self.length = Some(u8::try_from(value).unwrap_or(u8::MAX)),
+            Role::Fd => self.fd = Some(is_set),
+            Role::BitRateSwitch => self.switched = is_set,
+            Role::ErrorState => self.passive = is_set,
+            Role::Bus | Role::Data => {}
+        }
+    }
+
+    fn found(self, may_be_fd: bool) -> Result<Found<'a>, &'static str> {
+        let is_error = self.error || self.extended.is_none() && self.id & ERROR != 0;
+        let is_remote = self.remote || self.extended.is_none() && self.id & REMOTE != 0;
+        let is_fd = self.fd.unwrap_or(may_be_fd) && !is_error && !is_remote;
+        let number = self.id & 0x1FFF_FFFF;
+        let is_extended = self.extended.unwrap_or(self.id & EXTENDED != 0 || number > 0x7FF);
+        let id = match number {
+            _ if is_error || is_extended => CanId::extended(number),
+            0..=0x7FF => CanId::standard(u16::try_from(number).unwrap_or(0)),
+            _ => return Err("identifier: more than 11 bits in a frame that has no more"),
+        };
+        let told = self.length.unwrap_or(u8::try_from(self.data.len()).unwrap_or(u8::MAX));
+        let (length, raw_dlc) = length(told, is_fd, self.data.len())?;
+        let mut flags = FrameFlags::default();
+        let set = [
+            (is_error, FrameFlags::ERROR),
+            (is_remote, FrameFlags::REMOTE),
+            (is_fd, FrameFlags::FD),
+            (is_fd && self.switched, FrameFlags::BIT_RATE_SWITCH),
+            (is_fd && self.passive, FrameFlags::ERROR_STATE),
+        ];
+        for (_, flag) in set.iter().filter(|(is_set, _)| *is_set) {
+            flags = flags.with(*flag);
+        }
+        let data = self.data.get(..usize::from(length)).filter(|_| !is_remote);
+        if data.is_none() && !is_remote {
+            return Err("data: fewer bytes than the length says");
+        }
+        let mut frame = Frame::data_frame(id, data.unwrap_or_default());
+        (frame.flags, frame.length, frame.raw_dlc) = (flags, length, raw_dlc);
+        let stamp = self.seconds.saturating_mul(1_000_000_000).saturating_add(self.nanoseconds);
+        Ok(Found { frame, stamp: (stamp != 0).then_some(stamp), bus: self.bus })
+    }
+}
+
+/// Length in bytes, and the DLC where that says more. Of FD frames a length is told, by some a DLC.
+fn length(told: u8, is_fd: bool, available: usize) -> Result<(u8, u8), &'static str> {
+    match told {
+        0..=8 => Ok((told, 0)),
+        9..=15 if !is_fd => Ok((8, told)),
+        9..=15 if available == usize::from(fd_length(told)) => Ok((fd_length(told), 0)),
+        12 | 16 | 20 | 24 | 32 | 48 | 64 if is_fd => Ok((told, 0)),
+        _ => Err("length: expected 0 to 8, or 12, 16, 20, 24, 32, 48 or 64 of CAN FD"),
+    }
+}
+
+/// Fields of a message, one after the other.
+struct Fields<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    order: ByteOrder,
+    encoding: Encoding,
+}
+
+impl<'a> Fields<'a> {
+    fn new(encoding: Encoding, bytes: &'a [u8]) -> Result<Self, &'static str> {
+        let order = match (encoding, bytes) {
+            (Encoding::Ros1, _) | (Encoding::Cdr, [0, 1, _, _, ..]) => ByteOrder::Little,
+            (Encoding::Cdr, [0, 0, _, _, ..]) => ByteOrder::Big,
+            _ => return Err("CDR: expected 00 00 or 00 01 in front"),
+        };
+        let bytes = if encoding == Encoding::Cdr { bytes.get(4..).unwrap_or_default() } else { bytes };
+        Ok(Self { bytes, at: 0, order, encoding })
+    }
+
+    fn align(&mut self, size: usize) {
+        if self.encoding == Encoding::Cdr {
+            self.at = self.at.next_multiple_of(size);
+        }
+    }
+
+    fn take(&mut self, count: usize) -> Option<&'a [u8]> {
+        let taken = self.bytes.get(self.at..)?.get(..count)?;
+        self.at += count;
+        Some(taken)
+    }
+
+    fn number(&mut self, size: usize) -> Option<u64> {
+        self.align(size);
+        let bytes = self.take(size)?;
+        match size {
+            1 => bytes.first().map(|byte| (*byte).into()),
+            2 => self.order.u16(bytes, 0).map(Into::into),
+            4 => self.order.u32(bytes, 0).map(Into::into),
+            _ => self.order.u64(bytes, 0),
+        }
+    }
+
+    fn text(&mut self) -> Option<&'a [u8]> {
+        let length = usize::try_from(self.number(4)?).ok()?;
+        let text = self.take(length)?;
+        let text =
+            if self.encoding == Encoding::Cdr { text.strip_suffix(b"\0").unwrap_or(text) } else { text };
+        Some(text.get(..LONGEST_TEXT).unwrap_or(text))
+    }
+
+    fn field(&mut self, field: Field, values: &mut Values<'a>) -> Option<()> {
+        let count = match field.count {
+            Count::One => 1,
+            Count::Fixed(count) => count,
+            Count::Told => usize::try_from(self.number(4)?).ok()?,
+        };
+        match (field.kind, field.role) {
+            (Kind::Number(1), Some(Role::Data)) => {
+                let data = self.take(count)?;
+                values.data = data.get(..MAX_DATA).unwrap_or(data);
+            }
+            (Kind::Number(size), Some(role)) => values.number(role, self.number(size)?),
+            (Kind::Number(size), None) => {
+                self.align(if count == 0 { 1 } else { size });
+                self.take(size.checked_mul(count)?)?;
+            }
+            (Kind::Text, Some(Role::Bus)) => values.bus = self.text()?,
+            // Each takes at least its length, so that no count makes this long.
+            (Kind::Text, _) => (0..count).try_for_each(|_| self.text().map(|_| ()))?,
+        }
+        Some(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ros2() -> Layout {
+        Layout::of(include_bytes!("frame.msg")).unwrap()
+    }
+
+    #[test]
+    fn a_frame_of_ros2() {
+        // Second 1, nanosecond 2, "can0", 0x18FECA80 extended, 3 bytes.
+        let bytes = b"\0\x01\0\0\x01\0\0\0\x02\0\0\0\x05\0\0\0can0\0\0\0\0\x80\xCA\xFE\x18\0\x01\0\x03\x11\x22\x33\0\0\0\0\0";
+        let found = read(&ros2(), Encoding::Cdr, bytes).unwrap();
+        assert_eq!(found.frame, Frame::data_frame(CanId::extended(0x18FE_CA80), &[0x11, 0x22, 0x33]));
+        assert_eq!((found.stamp, found.bus), (Some(1_000_000_002), &b"can0"[..]));
+        for end in 0..bytes.len() {
+            assert!(read(&ros2(), Encoding::Cdr, &bytes[..end]).is_err(), "{end}");
+        }
+    }
+
+    #[test]
+    fn big_endian_and_a_remote_frame() {
+        let bytes = b"\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\x01\0\0\0\0\0\0\x07\x01\x01\0\0\x02\0\0\0\0\0\0\0\0";
+        let found = read(&ros2(), Encoding::Cdr, bytes).unwrap();
+        assert_eq!(found.frame.flags, FrameFlags::REMOTE);
+        assert_eq!((found.frame.id, found.frame.length), (CanId::standard(0x701), 2));
+        assert_eq!((found.stamp, found.bus), (None, &b""[..]));
+    }
+
+    #[test]
+    fn a_frame_of_ros1_has_no_gaps() {
+        let text = "Header header\nuint32 id\nbool is_rtr\nbool is_extended\nbool is_error\nuint8 dlc\nuint8[8] data\n\
+                    ====\nMSG: std_msgs/Header\nuint32 seq\ntime stamp\nstring frame_id\n";
+        let layout = Layout::of(text.as_bytes()).unwrap();
+        let bytes =
+            b"\x09\0\0\0\x01\0\0\0\0\0\0\0\x03\0\0\0canW\x01\0\0\0\0\0\x09\x01\x02\x03\x04\x05\x06\x07\x08";
+        let found = read(&layout, Encoding::Ros1, bytes).unwrap();
+        let expected =
+            Frame { raw_dlc: 9, ..Frame::data_frame(CanId::standard(0x157), &[1, 2, 3, 4, 5, 6, 7, 8]) };
+        assert_eq!((found.frame, found.bus, found.stamp), (expected, &b"can"[..], Some(1_000_000_000)));
+    }
+
+    #[test]
+    fn lengths_that_no_frame_has_are_refused() {
+        assert_eq!(length(15, false, 8), Ok((8, 15)));
+        assert_eq!(length(15, true, 64), Ok((64, 0)));
+        assert_eq!(length(12, true, 12), Ok((12, 0)));
+        assert_eq!(
+            length(10, true, 64),
+            Err("length: expected 0 to 8, or 12, 16, 20, 24, 32, 48 or 64 of CAN FD")
+        );
+        assert!(length(65, true, 64).is_err());
+        assert!(length(16, false, 64).is_err());
+    }
+}

@@ -1,0 +1,340 @@
+//! Writes MCAP through the `mcap` crate.
+
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+
+use mcap::records::MessageHeader;
+use mcap::write::{Metadata, NoSeek};
+use mcap::{Attachment, Compression, McapError, McapResult};
+use serde_json::json;
+
+use super::key;
+use crate::capture::remark::Remark;
+use crate::capture::{FrameWriter, Notice, Packing};
+use crate::frame::{CanId, Frame, FrameFlags, Timestamp};
+
+/// Bytes of a chunk before it is packed: the size other writers take.
+const CHUNK: u64 = 1024 * 1024;
+
+/// Bytes a message takes beside its data: record, header, and its place in the index.
+const AROUND_MESSAGE: u64 = 9 + 22 + 16;
+
+/// Bytes a chunk takes beside its messages, and its index.
+const AROUND_CHUNK: u64 = 256;
+
+/// Levels of `foxglove.Log`.
+const INFO: u8 = 2;
+const WARNING: u8 = 3;
+
+/// Writer of MCAP: frames, and whatever else is to stand beside them.
+pub struct McapWriter<W: Write> {
+    /// None when it could not be begun.
+    file: Result<mcap::Writer<NoSeek<W>>, Option<io::Error>>,
+    sources: Vec<Source>,
+    /// Index of the source of the frame before.
+    last: usize,
+    log: Option<Topic>,
+    time: u64,
+    pending: u64,
+    has_finished: bool,
+}
+
+/// A topic that messages are written to.
+#[derive(Debug, Clone, Copy)]
+pub struct Topic {
+    channel: u16,
+    sequence: u32,
+}
+
+/// A channel of frames.
+struct Source {
+    bus: String,
+    kind: Sort,
+    topic: Topic,
+    /// Its messages; what differs between two is put in its place.
+    message: Vec<u8>,
+}
+
+/// What of a frame its channel says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Sort {
+    flags: u8,
+    has_time: bool,
+}
+
+/// Flags a channel stands for; a message has the others.
+const OF_CHANNEL: FrameFlags = FrameFlags::FD
+    .with(FrameFlags::BIT_RATE_SWITCH)
+    .with(FrameFlags::ERROR_STATE)
+    .with(FrameFlags::TRANSMITTED)
+    .with(FrameFlags::RECEIVED);
+
+impl Sort {
+    fn of(frame: &Frame) -> Self {
+        Self { flags: frame.flags.0 & OF_CHANNEL.0, has_time: frame.time.is_some() }
+    }
+
+    fn is_fd(self) -> bool {
+        self.flags & FrameFlags::FD.0 != 0
+    }
+}
+
+impl<W: Write> McapWriter<W> {
+    /// Begins a file. What fails is told by the first thing written.
+    pub fn new(output: W, packing: Packing) -> Self {
+        let compression = match packing {
+            Packing::None => None,
+            Packing::Lz4 => Some(Compression::Lz4),
+            Packing::Zstd => Some(Compression::Zstd),
+        };
+        let options = mcap::WriteOptions::new()
+            .compression(compression)
+            .compression_threads(0)
+            .compression_level(u32::from(packing == Packing::Zstd))
+            .chunk_size(Some(CHUNK))
+            .library("cobscope")
+            .disable_seeking(true);
+        let file = options.create(NoSeek::new(output)).map_err(|error| Some(to_io(error)));
+        Self { file, sources: Vec::new(), last: 0, log: None, time: 0, pending: 0, has_finished: false }
+    }
+
+    fn file(&mut self) -> io::Result<&mut mcap::Writer<NoSeek<W>>> {
+        match &mut self.file {
+            Ok(file) if !self.has_finished => Ok(file),
+            Ok(_) => Err(io::Error::other("the capture is finished")),
+            Err(error) => {
+                Err(error.take().unwrap_or_else(|| io::Error::other("the capture could not be begun")))
+            }
+        }
+    }
+
+    /// A topic whose messages are JSON objects as `schema` says, a JSON Schema called `name`.
+    ///
+    /// # Errors
+    /// When the output fails, or there are more than 65,535 topics.
+    pub fn json_topic(&mut self, topic: &str, name: &str, schema: &str) -> io::Result<Topic> {
+        self.topic(topic, name, ("jsonschema", schema), "json", &BTreeMap::new())
+    }
+
+    fn topic(
+        &mut self,
+        topic: &str,
+        name: &str,
+        (encoding, schema): (&str, &str),
+        messages: &str,
+        metadata: &BTreeMap<String, String>,
+    ) -> io::Result<Topic> {
+        let file = self.file()?;
+        let schema = file.add_schema(name, encoding, schema.as_bytes()).map_err(to_io)?;
+        let channel = file.add_channel(schema, topic, messages, metadata).map_err(to_io)?;
+        self.pending += 1024;
+        Ok(Topic { channel, sequence: 0 })
+    }
+
+    /// Writes a message; the clock of the file is that of the frames. Times before its zero are written as zero, those
+    /// that are missing as the one before.
+    ///
+    /// # Errors
+    /// When the output fails.
+    pub fn message(&mut self, topic: &mut Topic, time: Option<Timestamp>, data: &[u8]) -> io::Result<()> {
+        if let Some(Timestamp(time)) = time {
+            self.time = u64::try_from(time).unwrap_or(0);
+        }
+        let time = self.time;
+        self.pending += AROUND_MESSAGE + data.len() as u64;
+        topic.sequence = topic.sequence.wrapping_add(1);
+        let Topic { channel: channel_id, sequence } = *topic;
+        let header = MessageHeader { channel_id, sequence, log_time: time, publish_time: time };
+        self.file()?.write_to_known_channel(&header, data).map_err(to_io)
+    }
+
+    /// Writes a line to the topic `/log`: level 1 (debug) to 5 (fatal), what it is about, and the text.
+    ///
+    /// # Errors
+    /// When the output fails.
+    pub fn log(&mut self, time: Option<Timestamp>, level: u8, name: &str, message: &str) -> io::Result<()> {
+        let mut topic = match self.log {
+            Some(topic) => topic,
+            None => {
+                let metadata = BTreeMap::from([(key::COBSCOPE.to_owned(), key::NOTICES.to_owned())]);
+                self.topic(
+                    "/log",
+                    "foxglove.Log",
+                    ("jsonschema", include_str!("log.json")),
+                    "json",
+                    &metadata,
+                )?
+            }
+        };
+        let nanoseconds = time.map_or(self.time, |Timestamp(time)| u64::try_from(time).unwrap_or(0));
+        let stamp = json!({"sec": nanoseconds / 1_000_000_000, "nsec": nanoseconds % 1_000_000_000});
+        let line = json!({
+            "timestamp": stamp, "level": level, "message": message, "name": name, "file": "", "line": 0,
+        });
+        let written = self.message(&mut topic, time, line.to_string().as_bytes());
+        self.log = Some(topic);
+        written
+    }
+
+    /// Writes a table of what is to be known of the file.
+    ///
+    /// # Errors
+    /// When the output fails.
+    pub fn metadata(&mut self, name: &str, values: BTreeMap<String, String>) -> io::Result<()> {
+        self.file()?.write_metadata(&Metadata { name: name.into(), metadata: values }).map_err(to_io)
+    }
+
+    /// Puts a whole file beside the messages.
+    ///
+    /// # Errors
+    /// When the output fails.
+    pub fn attach(&mut self, name: &str, media_type: &str, bytes: &[u8]) -> io::Result<()> {
+        let attachment = Attachment {
+            log_time: self.time,
+            create_time: 0,
+            name: name.into(),
+            media_type: media_type.into(),
+            data: bytes.into(),
+        };
+        self.file()?.attach(&attachment).map_err(to_io)
+    }
+
+    /// Index of the channel for frames of this sort, made if it is new.
+    fn source(&mut self, frame: &Frame, bus: &str) -> io::Result<usize> {
+        let kind = Sort::of(frame);
+        let fits = |source: &Source| source.kind == kind && source.bus == bus;
+        if self.sources.get(self.last).is_some_and(fits) {
+            return Ok(self.last);
+        }
+        if let Some(index) = self.sources.iter().position(fits) {
+            self.last = index;
+            return Ok(index);
+        }
+        let schema = if kind.is_fd() { include_str!("fd_frame.msg") } else { include_str!("frame.msg") };
+        let name = if kind.is_fd() { "ros2_socketcan_msgs/msg/FdFrame" } else { "can_msgs/msg/Frame" };
+        let shown = if bus.is_empty() { "can" } else { bus };
+        let topic = if kind.is_fd() { format!("/can/{shown}/fd") } else { format!("/can/{shown}") };
+        let topic = self.topic(&topic, name, ("ros2msg", schema), "cdr", &metadata(kind, bus))?;
+        self.sources.push(Source { bus: bus.into(), kind, topic, message: begin(shown) });
+        self.last = self.sources.len().saturating_sub(1);
+        Ok(self.last)
+    }
+
+    fn frame(&mut self, frame: &Frame, bus: &str) -> io::Result<()> {
+        let index = self.source(frame, bus)?;
+        let Some(source) = self.sources.get_mut(index) else { return Ok(()) };
+        let mut topic = source.topic;
+        let mut message = std::mem::take(&mut source.message);
+        let start = message.len();
+        let stamp = frame.time.map_or(0, |Timestamp(time)| u64::try_from(time).unwrap_or(0));
+        put(frame, stamp, source.kind.is_fd(), &mut message);
+        let written = self.message(&mut topic, frame.time, &message);
+        message.truncate(start);
+        if let Some(source) = self.sources.get_mut(index) {
+            (source.topic, source.message) = (topic, message);
+        }
+        written
+    }
+
+    fn flush_chunk(&mut self) -> io::Result<()> {
+        if self.has_finished {
+            return Ok(());
+        }
+        self.pending = 0;
+        self.file()?.flush().map_err(to_io)
+    }
+}
+
+/// What the channel of such frames says of them.
+fn metadata(kind: Sort, bus: &str) -> BTreeMap<String, String> {
+    let has = |flag: FrameFlags| kind.flags & flag.0 != 0;
+    let said = [
+        (true, key::COBSCOPE, key::FRAMES),
+        (true, key::BUS, bus),
+        (has(FrameFlags::RECEIVED), key::DIRECTION, "rx"),
+        (has(FrameFlags::TRANSMITTED), key::DIRECTION, "tx"),
+        (has(FrameFlags::BIT_RATE_SWITCH), key::SWITCHED, "1"),
+        (has(FrameFlags::ERROR_STATE), key::PASSIVE, "1"),
+        (!kind.has_time, key::TIME, "none"),
+    ];
+    said.iter().filter(|(says, ..)| *says).map(|(_, key, value)| ((*key).into(), (*value).into())).collect()
+}
+
+/// A message up to its identifier: little-endian CDR, room for the stamp, name of the bus.
+fn begin(bus: &str) -> Vec<u8> {
+    let mut message = vec![0, 1, 0, 0];
+    message.extend_from_slice(&[0; 8]);
+    message.extend_from_slice(&u32::try_from(bus.len() + 1).unwrap_or(u32::MAX).to_le_bytes());
+    message.extend_from_slice(bus.as_bytes());
+    message.push(0);
+    // The encapsulation's four bytes do not move what is counted from behind them.
+    message.resize(message.len().next_multiple_of(4), 0);
+    message
+}
+
+/// Adds a frame to the beginning of its message.
+fn put(frame: &Frame, stamp: u64, is_fd: bool, message: &mut Vec<u8>) {
+    let [seconds, nanoseconds] = [stamp / 1_000_000_000, stamp % 1_000_000_000];
+    // Seconds of ROS have 32 bits.
+    let seconds = u32::try_from(seconds).unwrap_or(u32::MAX).to_le_bytes();
+    let nanoseconds = u32::try_from(nanoseconds).unwrap_or(0).to_le_bytes();
+    if let Some(room) = message.get_mut(4..12) {
+        room.copy_from_slice([seconds, nanoseconds].as_flattened());
+    }
+    let is_error = frame.flags.contains(FrameFlags::ERROR);
+    let is_extended = !is_error && matches!(frame.id, CanId::Extended(_));
+    let is_remote = frame.flags.contains(FrameFlags::REMOTE);
+    message.extend_from_slice(&frame.id.number().to_le_bytes());
+    if is_fd {
+        message.extend_from_slice(&[is_extended.into(), is_error.into(), frame.length, 0]);
+        message.extend_from_slice(&u32::from(frame.length).to_le_bytes());
+        message.extend_from_slice(frame.data());
+    } else {
+        let dlc = if frame.raw_dlc > 8 { frame.raw_dlc } else { frame.length };
+        message.extend_from_slice(&[is_remote.into(), is_extended.into(), is_error.into(), dlc]);
+        let data = frame.data();
+        message.extend_from_slice(data.get(..8).unwrap_or(data));
+        message.resize(message.len() + 8_usize.saturating_sub(data.len()), 0);
+    }
+}
+
+fn to_io(error: McapError) -> io::Error {
+    match error {
+        McapError::Io(error) => error,
+        other => io::Error::other(other),
+    }
+}
+
+impl<W: Write + Send> FrameWriter for McapWriter<W> {
+    fn write(&mut self, frame: &Frame, bus: &str) -> io::Result<()> {
+        self.frame(frame, bus)
+    }
+
+    fn notice(&mut self, notice: &Notice, bus: &str) -> io::Result<bool> {
+        let (time, level, remark) = match *notice {
+            Notice::LostFrames { count, .. } => (None, WARNING, Remark::Lost(count)),
+            Notice::Link { time, state, bit_rate, .. } => (Some(time), INFO, Remark::Link(state, bit_rate)),
+            Notice::Quiet(time) => (Some(time), INFO, Remark::Quiet),
+            Notice::Unreadable { .. } | Notice::Assumption(_) => return Ok(false),
+        };
+        self.log(time, level, bus, &remark.text())?;
+        Ok(true)
+    }
+
+    fn pending(&self) -> u64 {
+        if self.pending == 0 { 0 } else { self.pending + AROUND_CHUNK }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.flush_chunk()
+    }
+
+    fn finish(&mut self) -> io::Result<()> {
+        if self.has_finished {
+            return Ok(());
+        }
+        let finished: McapResult<_> = self.file()?.finish();
+        self.has_finished = true;
+        finished.map(|_| ()).map_err(to_io)
+    }
+}
