@@ -1,9 +1,11 @@
 //! The command line. These texts are its help, its man page and its completions.
 
 mod check;
+mod convert;
 mod decode;
 mod input;
 mod live;
+mod size;
 mod view;
 
 use std::ffi::OsString;
@@ -12,6 +14,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 pub use check::{CheckArgs, FailOn, FindingFormat};
+pub use convert::ConvertArgs;
 pub use decode::{DecodeArgs, Format, Pdo, PrintArgs, TimeColumn};
 use input::FILTER_HELP;
 pub use input::{FileArg, InputArgs, NodeArg, Protocol, SelectArgs, StampStyle};
@@ -50,6 +53,15 @@ pub enum Command {
     Live(Box<LiveArgs>),
     /// Print what happened, one event a line
     Decode(DecodeArgs),
+    /// Write captures in another format, whole or cut: one file, or several by size or event
+    ///
+    /// convert IN… OUT: the captures, then the file to write, whose name's end says the format; - for OUT is standard
+    /// output and wants -f. Several captures are put on one line of time. What a format has no place for is said.
+    #[command(
+        mut_arg("captures", |arg| arg.value_name("IN… OUT").help("Captures to read, then the file to write")),
+        override_usage = "cobscope convert [OPTIONS] <IN>… <OUT>"
+    )]
+    Convert(Box<ConvertArgs>),
     /// Show who is on the bus, how often, how late, and how far the capture can be trusted
     Stats(StatsArgs),
     /// Show what is known of the nodes' objects, and from where

@@ -50,6 +50,17 @@ impl FromStr for Bound {
 }
 
 impl Bound {
+    /// Whether it lies behind `frame` of a capture that begins at `first`; a frame without time lies before every time.
+    pub fn is_behind(self, frame: &Frame, first: Option<Timestamp>) -> bool {
+        match self {
+            Self::Frame(number) => frame.number < number,
+            Self::Moment(moment) => frame.time.is_none_or(|time| time < moment),
+            Self::Offset(offset) => {
+                frame.time.zip(first).is_none_or(|(time, first)| time.since(first) < offset)
+            }
+        }
+    }
+
     /// Whether it lies before `frame` of a capture that begins at `first`; a frame without time is never
     /// behind a time.
     pub fn is_before(self, frame: &Frame, first: Option<Timestamp>) -> bool {

@@ -69,6 +69,26 @@ impl Filter {
         search.hits.answer(tree)
     }
 
+    /// Whether a frame is meant, by the message it is by itself: that message's event tells its fields, and the frame its
+    /// own beside them (`id`, `data`, `size`, `remote` …).
+    pub fn matches_frame(&self, message: &Event, frame: &Event, bus: &Bus) -> bool {
+        let Compiled { tree, tests, needs_signals, names, .. } = &self.0.compiled;
+        let mut search = Search {
+            tests,
+            names: *names,
+            needs_signals: *needs_signals,
+            hits: Hits([0; MAX_TESTS / WORD]),
+            path: [""; MAX_NESTING],
+            depth: 0,
+        };
+        record::envelope(message, bus, None, &mut search);
+        record::details(message, bus, &mut search);
+        if message.kind.name() != frame.kind.name() {
+            record::details(frame, bus, &mut search);
+        }
+        search.hits.answer(tree)
+    }
+
     /// The kinds of events it can match; all others it does not.
     pub fn kinds(&self) -> KindSet {
         self.0.compiled.may

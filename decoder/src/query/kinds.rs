@@ -58,6 +58,29 @@ const NAMES: [&str; KIND_COUNT] = [
     "link",
 ];
 
+/// What a single frame can say by itself; everything else is made of several, or of what was known before.
+const OF_FRAMES: &[&str] = &[
+    "nmt-command",
+    "boot-up",
+    "heartbeat",
+    "guard-request",
+    "guard-reply",
+    "sync",
+    "time",
+    "emcy",
+    "pdo",
+    "lss",
+    "can-error",
+    "frame",
+    "malformed",
+    "j1939-message",
+    "j1939-request",
+    "acknowledgement",
+    "address-claim",
+    "commanded-address",
+    "test-case",
+];
+
 /// Place in [`NAMES`]. A new kind does not compile before it has one.
 const fn number(kind: &EventKind) -> u32 {
     match kind {
@@ -125,6 +148,11 @@ impl KindSet {
     pub fn by_name(pick: impl Fn(&str) -> bool) -> Self {
         let picked = NAMES.iter().enumerate().filter(|(_, name)| pick(name));
         Self(picked.fold(0, |set, (number, _)| set | 1 << number))
+    }
+
+    /// The kinds of what a single frame can say by itself.
+    pub fn of_frames() -> Self {
+        Self::by_name(|name| OF_FRAMES.contains(&name))
     }
 
     /// Whether an event is of one of these kinds.

@@ -14,6 +14,7 @@ mod clock;
 mod deadlines;
 mod device;
 mod emit;
+mod frames;
 mod given;
 mod j1939;
 mod node;

@@ -1,10 +1,14 @@
 //! Events to bytes, one format a file.
 
 mod ascii;
+pub mod csv;
 pub mod findings;
 pub mod jsonl;
+#[cfg(feature = "mcap")]
+pub mod mcap;
 pub mod table;
 pub mod text;
+mod values;
 
 /// `text` with control characters, and those that turn the direction of writing, shown as `\u{1b}`, so that
 /// nothing from a capture steers a terminal.

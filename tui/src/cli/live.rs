@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use clap::Args;
 
+use super::size::bytes;
 use super::view::ScreenArgs;
 use super::{FailOn, InputArgs, PrintArgs, SelectArgs};
 
@@ -59,19 +60,6 @@ pub struct LiveArgs {
     pub screen: ScreenArgs,
 }
 
-/// `100M`: bytes, with k, M or G for powers of 1,024.
-fn bytes(text: &str) -> Result<u64, String> {
-    let wrong = || format!("found {text}, expected a size such as 100M or 2G");
-    let (number, unit) = match text.char_indices().last() {
-        Some((at, 'k' | 'K')) => (text.get(..at), 10),
-        Some((at, 'M')) => (text.get(..at), 20),
-        Some((at, 'G')) => (text.get(..at), 30),
-        _ => (Some(text), 0),
-    };
-    let number: u64 = number.and_then(|number| number.parse().ok()).ok_or_else(wrong)?;
-    number.checked_mul(1 << unit).filter(|bytes| *bytes > 0).ok_or_else(wrong)
-}
-
 /// `90s`, `10min`, `1h`.
 fn duration(text: &str) -> Result<Duration, String> {
     let wrong = || format!("found {text}, expected a time such as 90s, 10min or 1h");
@@ -92,15 +80,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sizes_and_times() {
-        assert_eq!(bytes("100M"), Ok(104_857_600));
-        assert_eq!(bytes("2G"), Ok(2_147_483_648));
-        assert_eq!(bytes("512"), Ok(512));
+    fn times() {
         assert_eq!(duration("10min"), Ok(Duration::from_mins(10)));
         assert_eq!(duration("90s"), Ok(Duration::from_secs(90)));
-        for text in ["", "0", "M", "-1", "99999999999G", "1T"] {
-            assert!(bytes(text).is_err(), "{text}");
-        }
         for text in ["", "10", "min", "0s", "1d"] {
             assert!(duration(text).is_err(), "{text}");
         }

@@ -1,6 +1,7 @@
 //! The subcommands, one a file.
 
 mod check;
+mod convert;
 mod databases;
 mod decode;
 mod describe;
@@ -46,6 +47,7 @@ pub fn run(cli: Cli) -> Exit {
         Command::View(arguments) => view::run(&arguments),
         Command::Live(arguments) => live::run(&arguments),
         Command::Decode(arguments) => decode::run(&arguments),
+        Command::Convert(arguments) => convert::run(&arguments),
         Command::Stats(arguments) => stats::run(&arguments),
         Command::Objects(arguments) => objects::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),

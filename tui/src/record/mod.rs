@@ -32,7 +32,7 @@ use jiff::civil::DateTime;
 
 use disk::{Disk, Files};
 use item::{Gap, Item, What};
-use names::Names;
+pub use names::{Names, refusal};
 use parts::{Limits, Parts};
 pub use status::{RecordFailure, RecordStatus};
 

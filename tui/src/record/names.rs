@@ -24,7 +24,7 @@ const OTHERWISE: &str = "nothing is ever written over; choose another name or mo
 
 /// How the parts of one record are called.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) struct Names {
+pub struct Names {
     folder: PathBuf,
     stem: OsString,
     suffix: OsString,
@@ -52,11 +52,22 @@ impl Names {
             Some(path) => path.to_owned(),
             None => usual_name(now).into(),
         };
+        let Some(format) = format::of(&path) else {
+            let shown = path.display().to_string();
+            bail!("{}: {}", escape(&shown), format::unknown(format::suffixes()));
+        };
+        let names = Self::of(&path, is_numbered)?;
+        names.ensure_free()?;
+        Ok((names, format))
+    }
+
+    /// Names of files like this one.
+    ///
+    /// # Errors
+    /// When the folder does not exist.
+    pub fn of(path: &Path, is_numbered: bool) -> anyhow::Result<Self> {
         let shown = path.display().to_string();
         let shown = escape(&shown);
-        let Some(format) = format::of(&path) else {
-            bail!("{shown}: {}", format::unknown(format::suffixes()));
-        };
         let folder = path.parent().unwrap_or(Path::new("")).to_owned();
         let is_there = folder.as_os_str().is_empty() || folder.is_dir();
         let folder_shown = folder.display().to_string();
@@ -64,20 +75,32 @@ impl Names {
         let stem = path.file_stem().with_context(|| format!("{shown}: has no name"))?.to_owned();
         let suffix = path.extension().unwrap_or_default().to_owned();
         let names = Self { folder, stem, suffix, is_numbered, number: 1 };
-        if is_numbered && let Some(part) = names.find() {
-            bail!("{}: is part of an earlier record; {OTHERWISE}", escape(&part.display().to_string()));
+        Ok(names)
+    }
+
+    /// Refuses where parts with numbers are there already.
+    ///
+    /// # Errors
+    /// When there is one.
+    pub fn ensure_free(&self) -> anyhow::Result<()> {
+        match self.find().filter(|_| self.is_numbered) {
+            Some(part) => {
+                bail!("{}: is part of an earlier record; {OTHERWISE}", escape(&part.display().to_string()))
+            }
+            None => Ok(()),
         }
-        Ok((names, format))
     }
 
     /// The part that is next.
-    pub(super) fn next(&self) -> PathBuf {
+    pub fn next(&self) -> PathBuf {
         let mut name = self.stem.clone();
         if self.is_numbered || self.number > 1 {
             name.push(format!("-{:0DIGITS$}", self.number));
         }
-        name.push(".");
-        name.push(&self.suffix);
+        if !self.suffix.is_empty() {
+            name.push(".");
+            name.push(&self.suffix);
+        }
         self.folder.join(name)
     }
 
@@ -100,7 +123,7 @@ impl Names {
 }
 
 /// Why a file cannot be made.
-pub(super) fn refusal(path: &Path, error: std::io::Error) -> anyhow::Error {
+pub fn refusal(path: &Path, error: std::io::Error) -> anyhow::Error {
     let shown = path.display().to_string();
     let shown = escape(&shown);
     match error.kind() {

@@ -1,5 +1,6 @@
 //! All input: files and standard input, decompressed, as readers of frames.
 
+mod arrange;
 pub mod live;
 mod progress;
 mod store;
@@ -13,6 +14,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use anyhow::Context as _;
 use cobscope_decoder::capture::{ReadOptions, Reader, decompress};
 
+pub use arrange::{Arranged, arrange};
 pub use progress::Progress;
 pub use store::{Store, StoreReader, StoreWriter};
 

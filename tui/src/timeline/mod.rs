@@ -28,7 +28,7 @@ use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, PoisonError, RwLockReadGuard};
 
-use anyhow::{Context as _, ensure};
+use anyhow::Context as _;
 use cobscope_decoder::capture::{Batch, ReadOptions, Reader};
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::replay::World;
@@ -45,11 +45,8 @@ pub use signal::SignalKey;
 pub use survey::{Exchange, MOST_EXCHANGES, Occurred, Opened, Survey, bit_rate_change};
 pub use traces::{MOST_SIGNALS, Points, Traces};
 
-use crate::source::Store;
 use crate::source::live::LiveState;
-
-/// Stamps before this many seconds since 1970 count from the capture's beginning, not from 1970.
-const FIRST_EPOCH_SECOND: i64 = 100_000_000;
+use crate::source::{Arranged, Store, arrange};
 
 /// Something changed.
 pub enum News {
@@ -281,7 +278,7 @@ fn live_lane(live: &LiveBuses) -> Lane {
 /// Opens each capture, and puts their clocks side by side.
 fn lanes(captures: &Captures) -> anyhow::Result<(Vec<Lane>, Option<Timestamp>)> {
     let mut lanes: Vec<Lane> = Vec::new();
-    let mut firsts = Vec::new();
+    let (mut names, mut firsts) = (Vec::new(), Vec::new());
     for path in &captures.paths {
         let store = Store::open(path)?;
         let name = store.name().to_owned();
@@ -290,40 +287,16 @@ fn lanes(captures: &Captures) -> anyhow::Result<(Vec<Lane>, Option<Timestamp>)> 
         while batch.frames().is_empty() && reader.read(&mut batch).with_context(|| name.clone())? {}
         let first = batch.frames().first().with_context(|| format!("{name}: holds no frame"))?;
         firsts.push(first.time);
-        let stem = recording(&name);
-        let group = captures.paths.iter().position(|other| recording(&other.display().to_string()) == stem);
-        lanes.push(Lane {
-            store,
-            group: group.unwrap_or(0),
-            shift: 0,
-            format: reader.format().title,
-            is_live: false,
-        });
+        names.push(name);
+        let format = reader.format().title;
+        lanes.push(Lane { store, group: 0, shift: 0, format, is_live: false });
     }
-    let times: Vec<Timestamp> = firsts.iter().flatten().copied().collect();
-    if captures.align {
-        let earliest = times.iter().copied().max().unwrap_or_default();
-        for (lane, first) in lanes.iter_mut().zip(&firsts) {
-            lane.shift = first.map_or(0, |first| earliest.since(first));
-        }
-    } else if lanes.len() > 1 {
-        let has_date = |time: &Timestamp| time.0 / 1_000_000_000 >= FIRST_EPOCH_SECOND;
-        let dated = times.iter().filter(|time| has_date(time)).count();
-        ensure!(
-            dated == 0 || dated == firsts.len(),
-            "some of these captures have dates and some count from their beginning, so they have no common \
-             line of time; open them one by one, or let them begin together with --align"
-        );
+    for (lane, Arranged { group, shift }) in lanes.iter_mut().zip(arrange(&names, &firsts, captures.align)?) {
+        (lane.group, lane.shift) = (group, shift);
     }
-    let first = if captures.align { times.iter().max() } else { times.iter().min() };
+    let times = firsts.iter().flatten();
+    let first = if captures.align { times.max() } else { times.min() };
     Ok((lanes, first.copied()))
-}
-
-/// A capture's name without digits: parts of one recording differ in them. The first one may have no number, as in
-/// `run.log` and `run-0002.log`.
-fn recording(name: &str) -> String {
-    let name: String = name.chars().filter(|character| !character.is_ascii_digit()).collect();
-    name.replace("-.", ".")
 }
 
 #[cfg(test)]

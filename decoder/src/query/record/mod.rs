@@ -66,6 +66,8 @@ pub trait Fields {
     }
 }
 
+pub(crate) use transfer::quantity;
+
 /// Tells `fields` everything about an event.
 pub fn visit(event: &Event, bus: &Bus, capture: Option<&str>, fields: &mut dyn Fields) {
     envelope(event, bus, capture, fields);

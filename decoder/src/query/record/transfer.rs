@@ -61,14 +61,8 @@ fn signal_id(id: SignalId, fields: &mut dyn Fields) {
 
 /// The value in engineering units, with unit and name; `null` where it is no quantity but a special value.
 pub(super) fn meant(meaning: &Meaning, value: &Value, fields: &mut dyn Fields) {
-    let label = meaning.label(value);
-    match meaning.scaled(value) {
-        Some(quantity) => {
-            fields.field("value", FieldValue::Real(rounded_to(quantity, meaning.digits.max(6))));
-        }
-        None if meaning.scale.is_some() && label.is_some() => fields.field("value", FieldValue::Null),
-        None => value_field("value", value, fields),
-    }
+    let (told, label) = quantity(Some(meaning), value);
+    fields.field("value", told);
     if !meaning.unit.is_empty() {
         fields.field("unit", FieldValue::Text(&meaning.unit));
     }
@@ -87,6 +81,21 @@ pub(super) fn meant(meaning: &Meaning, value: &Value, fields: &mut dyn Fields) {
     }
 }
 
+/// A value in its unit, and the name it has; null where it is no quantity but a special value.
+pub(crate) fn quantity<'a>(
+    meaning: Option<&'a Meaning>,
+    value: &'a Value,
+) -> (FieldValue<'a>, Option<&'a str>) {
+    let Some(meaning) = meaning else { return (plain(value), None) };
+    let label = meaning.label(value);
+    let told = match meaning.scaled(value) {
+        Some(quantity) => FieldValue::Real(rounded_to(quantity, meaning.digits.max(6))),
+        None if meaning.scale.is_some() && label.is_some() => FieldValue::Null,
+        None => plain(value),
+    };
+    (told, label)
+}
+
 /// Without the digits that scaling makes: a millionth is finer than any device resolves.
 pub(super) fn rounded(quantity: f64) -> f64 {
     rounded_to(quantity, 6)
@@ -100,12 +109,16 @@ fn rounded_to(quantity: f64, digits: u8) -> f64 {
 }
 
 pub(super) fn value_field(key: &'static str, value: &Value, fields: &mut dyn Fields) {
+    fields.field(key, plain(value));
+}
+
+fn plain(value: &Value) -> FieldValue<'_> {
     match value {
-        Value::Unsigned(value) => fields.field(key, FieldValue::Unsigned(*value)),
-        Value::Integer(value) => fields.field(key, FieldValue::Integer(*value)),
-        Value::Real(value) => fields.field(key, FieldValue::Real(*value)),
-        Value::Text(text) => fields.field(key, FieldValue::Text(text)),
-        Value::Bytes(bytes) => fields.field(key, FieldValue::Bytes(bytes)),
+        Value::Unsigned(value) => FieldValue::Unsigned(*value),
+        Value::Integer(value) => FieldValue::Integer(*value),
+        Value::Real(value) => FieldValue::Real(*value),
+        Value::Text(text) => FieldValue::Text(text),
+        Value::Bytes(bytes) => FieldValue::Bytes(bytes),
     }
 }
 

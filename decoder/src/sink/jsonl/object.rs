@@ -18,6 +18,11 @@ pub(in crate::sink) struct Marks {
     pub(super) data: usize,
 }
 
+/// Appends a value.
+pub(in crate::sink) fn push(value: FieldValue<'_>, line: &mut Vec<u8>) {
+    Object::resume(line).value(value);
+}
+
 /// One JSON object being written.
 pub(in crate::sink) struct Object<'a> {
     line: &'a mut Vec<u8>,

@@ -1,0 +1,269 @@
+//! Events as MCAP, for Foxglove and PlotJuggler: each group of values is a topic whose values plot at once.
+//!
+//! ```text
+//! /can/can0            the frames                                     can_msgs/msg/Frame
+//! /node/2/tpdo1        {"Actual_pressure":102.3, …}                   JSON, with a schema that has names and units
+//! /node/2/objects      changes of the object store                    as in JSON Lines
+//! /events  /findings   everything else                                as in JSON Lines
+//! /log                 lines for people                               foxglove.Log
+//! ```
+
+use std::collections::{BTreeMap, HashMap};
+use std::io::{self, Write};
+use std::sync::Arc;
+
+use serde_json::json;
+
+use super::jsonl::object::Object;
+use super::text::{Line, Tone};
+use super::values::{self, Group};
+use super::{escape, jsonl};
+use crate::capture::{FrameWriter as _, McapWriter, Notice, Packing, Topic};
+use crate::event::{Event, EventKind};
+use crate::finding::Severity;
+use crate::frame::Frame;
+use crate::profile::{DataType, Layout};
+use crate::query::record::{FieldValue, visit};
+use crate::session::Bus;
+
+/// Levels of `foxglove.Log`.
+const INFO: u8 = 2;
+const WARNING: u8 = 3;
+const ERROR: u8 = 4;
+
+/// Writes frames and events as MCAP. The first write error is kept and ends all writing.
+pub struct Mcap<W: Write + Send> {
+    file: McapWriter<W>,
+    groups: HashMap<Group, Values>,
+    /// By topic.
+    records: BTreeMap<String, Topic>,
+    line: Vec<u8>,
+    /// Devices of nodes, as far as they are known.
+    devices: BTreeMap<String, String>,
+    error: Option<io::Error>,
+}
+
+/// A group of values.
+struct Values {
+    topic: Topic,
+    layout: Arc<Layout>,
+    /// Beginnings of its members, `"key":`.
+    keys: Vec<String>,
+}
+
+impl<W: Write + Send> Mcap<W> {
+    /// Writes to `output`, which should be buffered.
+    pub fn new(output: W, packing: Packing) -> Self {
+        Self {
+            file: McapWriter::new(output, packing),
+            groups: HashMap::new(),
+            records: BTreeMap::new(),
+            line: Vec::with_capacity(1024),
+            devices: BTreeMap::new(),
+            error: None,
+        }
+    }
+
+    /// Puts a file of the user beside the messages: the bus file, a database.
+    pub fn attach(&mut self, name: &str, media_type: &str, bytes: &[u8]) {
+        let written = self.file.attach(name, media_type, bytes);
+        self.keep(written);
+    }
+
+    /// Writes a table of what is to be known of the whole file.
+    pub fn describe(&mut self, name: &str, values: BTreeMap<String, String>) {
+        let written = self.file.metadata(name, values);
+        self.keep(written);
+    }
+
+    /// Writes a frame; its events come behind it.
+    pub fn frame(&mut self, frame: &Frame, bus: &str) {
+        if self.error.is_none() {
+            let written = self.file.write(frame, bus);
+            self.keep(written);
+        }
+    }
+
+    /// Writes what else the recorder knew.
+    pub fn notice(&mut self, notice: &Notice, bus: &str) {
+        if self.error.is_none() {
+            let written = self.file.notice(notice, bus).map(|_| ());
+            self.keep(written);
+        }
+    }
+
+    /// Writes an event.
+    pub fn write(&mut self, event: &Event, bus: &Bus) {
+        if self.error.is_some() {
+            return;
+        }
+        let written = match values::carried(event) {
+            Some(carried) => self.values(event, bus, &carried),
+            None if matches!(
+                event.kind,
+                EventKind::Pdo(_) | EventKind::J1939Message(_) | EventKind::Frame(_)
+            ) =>
+            {
+                Ok(())
+            }
+            None => self.record(event, bus).and_then(|()| self.log(event, bus)),
+        };
+        self.keep(written);
+    }
+
+    fn values(&mut self, event: &Event, bus: &Bus, carried: &values::Carried<'_>) -> io::Result<()> {
+        let is_known =
+            self.groups.get(&carried.group).is_some_and(|known| Arc::ptr_eq(&known.layout, carried.layout));
+        if !is_known {
+            self.learn(bus, carried)?;
+            self.device(event, bus);
+        }
+        let Some(group) = self.groups.get_mut(&carried.group) else { return Ok(()) };
+        self.line.clear();
+        self.line.push(b'{');
+        // Fields that are not there leave a gap: which key is a field's is told by its place.
+        let mut keys = carried.layout.fields.iter().zip(&group.keys);
+        for signal in carried.layout.signals(carried.payload) {
+            let Some((_, key)) = keys.find(|(field, _)| std::ptr::eq(*field, signal.field)) else { continue };
+            let told = values::told(&signal);
+            push_member(&mut self.line, key, "", told.value);
+            if let Some(label) = told.label {
+                push_member(&mut self.line, key, "_label", FieldValue::Text(label));
+            }
+        }
+        self.line.push(b'}');
+        self.file.message(&mut group.topic, event.time, &self.line)
+    }
+
+    /// A topic for values that come for the first time, or are laid out anew.
+    fn learn(&mut self, bus: &Bus, carried: &values::Carried<'_>) -> io::Result<()> {
+        let name = values::name(carried.group, bus);
+        let keys = values::keys(carried.layout);
+        let schema = schema(&name, carried.layout, &keys);
+        let topic = self.file.json_topic(&format!("/{name}"), &name.replace('/', "."), &schema)?;
+        let values = Values { topic, layout: Arc::clone(carried.layout), keys };
+        self.groups.insert(carried.group, values);
+        Ok(())
+    }
+
+    fn device(&mut self, event: &Event, bus: &Bus) {
+        let known = event.node.and_then(|id| Some((id, bus.node(id)?.device_id()?)));
+        if let Some((node, device)) = known {
+            self.devices.insert(format!("{}:{}", bus.name(), node.label()), device.to_owned());
+        }
+    }
+
+    /// The event as JSON Lines have it.
+    fn record(&mut self, event: &Event, bus: &Bus) -> io::Result<()> {
+        let topic = match (&event.kind, event.node) {
+            (EventKind::FindingOpened(_) | EventKind::FindingClosed(_), _) => "/findings".to_owned(),
+            (EventKind::ObjectChange(_), Some(node)) if event.bus.0 == 0 => {
+                format!("/node/{}/objects", node.number())
+            }
+            (EventKind::ObjectChange(_), Some(node)) => {
+                format!("/{}/node/{}/objects", bus.name(), node.number())
+            }
+            _ => "/events".to_owned(),
+        };
+        let mut known = match self.records.get(&topic) {
+            Some(known) => *known,
+            None => self.file.json_topic(&topic, "cobscope.Event", include_str!("event.schema.json"))?,
+        };
+        if matches!(event.kind, EventKind::NodeIdentified(_)) {
+            self.device(event, bus);
+        }
+        self.line.clear();
+        let mut object = Object::begin(&mut self.line);
+        visit(event, bus, None, &mut object);
+        object.end();
+        let written = self.file.message(&mut known, event.time, self.line.trim_ascii_end());
+        self.records.insert(topic, known);
+        written
+    }
+
+    fn log(&mut self, event: &Event, bus: &Bus) -> io::Result<()> {
+        if event.routine {
+            return Ok(());
+        }
+        let line = Line::of(event, bus);
+        let level = match (&event.kind, line.tone) {
+            (EventKind::FindingOpened(news), _) if news.severity == Severity::Error => ERROR,
+            (EventKind::FindingOpened(news), _) if news.severity == Severity::Warning => WARNING,
+            (_, Tone::Bad) => ERROR,
+            (_, Tone::Caution) => WARNING,
+            _ => INFO,
+        };
+        let what = format!("{} {}", line.kind, escape(&line.what));
+        self.file.log(event.time, level, &escape(&line.who), &what)
+    }
+
+    fn keep(&mut self, written: io::Result<()>) {
+        if let Err(error) = written {
+            self.error.get_or_insert(error);
+        }
+    }
+
+    /// Ends the file; gives the first error of all writing.
+    ///
+    /// # Errors
+    /// When anything could not be written.
+    pub fn finish(&mut self) -> io::Result<()> {
+        if self.error.is_none() && !self.devices.is_empty() {
+            let devices = std::mem::take(&mut self.devices);
+            self.describe("cobscope.devices", devices);
+        }
+        match self.error.take() {
+            Some(error) => Err(error),
+            None => self.file.finish(),
+        }
+    }
+
+    /// Whether writing failed, so that more work is in vain.
+    pub fn has_failed(&self) -> bool {
+        self.error.is_some()
+    }
+}
+
+/// Appends `"key":value`; what is no number, text or truth is left out.
+fn push_member(line: &mut Vec<u8>, key: &str, ending: &str, value: FieldValue<'_>) {
+    if line.len() > 1 {
+        line.push(b',');
+    }
+    line.push(b'"');
+    line.extend_from_slice(key.as_bytes());
+    line.extend_from_slice(ending.as_bytes());
+    line.extend_from_slice(b"\":");
+    jsonl::object::push(value, line);
+}
+
+/// The JSON Schema of a group's messages.
+fn schema(name: &str, layout: &Layout, keys: &[String]) -> String {
+    let mut properties = serde_json::Map::new();
+    for (field, key) in layout.fields.iter().zip(keys) {
+        let unit = values::unit(field);
+        let id = field.id.to_string();
+        let parts = [unit, id.as_str()];
+        let description: Vec<_> = parts.into_iter().filter(|part| !part.is_empty()).collect();
+        let title = values::field_name(field);
+        let kind = if is_text(field.data_type) { "string" } else { "number" };
+        properties.insert(
+            key.clone(),
+            json!({"type": kind, "title": title, "description": description.join("; ")}),
+        );
+        let has_labels = field.meaning.as_deref().is_some_and(|meaning| {
+            meaning.values.is_some() || meaning.special.is_some() || meaning.indicators.is_some()
+        });
+        if has_labels {
+            properties.insert(format!("{key}_label"), json!({"type": "string", "title": title}));
+        }
+    }
+    json!({"title": name, "type": "object", "properties": properties}).to_string()
+}
+
+/// Whether values of a type are texts in JSON.
+fn is_text(data_type: DataType) -> bool {
+    matches!(
+        data_type,
+        DataType::VisibleString | DataType::OctetString | DataType::UnicodeString | DataType::Domain
+    )
+}

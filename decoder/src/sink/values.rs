@@ -1,0 +1,140 @@
+//! Values that come together: those of a PDO, of a J1939 group, of a message that a database describes.
+
+use std::sync::Arc;
+
+use crate::event::{Event, EventKind};
+use crate::frame::{BusIndex, CanId};
+use crate::profile::{Field, Layout, PdoName, Signal, SignalId};
+use crate::query::record::{FieldValue, quantity};
+use crate::session::Bus;
+
+/// Values that an event carries.
+pub(super) struct Carried<'a> {
+    pub(super) group: Group,
+    pub(super) layout: &'a Arc<Layout>,
+    pub(super) payload: &'a [u8],
+}
+
+/// Which values belong together over time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(super) enum Group {
+    /// A PDO of a node.
+    Pdo(BusIndex, u8, PdoName),
+    /// A parameter group of an address.
+    Parameters(BusIndex, u8, u32),
+    /// A message of a database.
+    Frame(BusIndex, CanId),
+}
+
+/// The values of an event, if it has any whose meaning is known.
+pub(super) fn carried(event: &Event) -> Option<Carried<'_>> {
+    let (group, layout, payload) = match &event.kind {
+        EventKind::Pdo(pdo) if !pdo.is_request => {
+            let group = Group::Pdo(event.bus, event.node?.number(), pdo.name);
+            (group, pdo.layout.as_ref()?, pdo.payload())
+        }
+        EventKind::J1939Message(message) => {
+            let group = Group::Parameters(event.bus, message.id.source, message.id.pgn.number());
+            (group, message.layout.as_ref()?, message.payload())
+        }
+        EventKind::J1939Transfer(transfer) => {
+            let group = Group::Parameters(event.bus, transfer.source, transfer.pgn?.number());
+            (group, transfer.layout.as_ref()?, transfer.data.as_ref())
+        }
+        EventKind::Frame(frame) => {
+            let group = Group::Frame(event.bus, frame.frame.id);
+            (group, &frame.message.as_ref()?.layout, frame.frame.data())
+        }
+        _ => return None,
+    };
+    Some(Carried { group, layout, payload })
+}
+
+/// What values are called together: `node/2/tpdo1`, `sa/80/61444`, `frame/0C8`; with the name of the bus in front on all
+/// but the first one.
+pub(super) fn name(group: Group, bus: &Bus) -> String {
+    let (index, name) = match group {
+        Group::Pdo(index, node, name) => {
+            (index, format!("node/{node}/{}", name.to_string().to_ascii_lowercase()))
+        }
+        Group::Parameters(index, source, pgn) => (index, format!("sa/{source:02X}/{pgn}")),
+        Group::Frame(index, id) => (index, format!("frame/{id}")),
+    };
+    if index == BusIndex::default() { name } else { format!("{}/{name}", bus.name()) }
+}
+
+/// One value as it is told everywhere.
+pub(super) struct Told<'a> {
+    pub(super) value: FieldValue<'a>,
+    pub(super) label: Option<&'a str>,
+}
+
+/// A signal's value in its unit, and its name.
+pub(super) fn told<'a>(signal: &'a Signal<'a>) -> Told<'a> {
+    let (value, label) = quantity(signal.field.meaning.as_deref(), &signal.value);
+    Told { value, label }
+}
+
+/// The unit of a field's values; empty without one.
+pub(super) fn unit(field: &Field) -> &str {
+    field.meaning.as_deref().map_or("", |meaning| &meaning.unit)
+}
+
+/// What a field is called: its name, else its object or parameter, else its place.
+pub(super) fn field_name(field: &Field) -> String {
+    match (field.name(), field.id) {
+        (Some(name), _) if !name.is_empty() => name.to_owned(),
+        (_, SignalId::Name) => format!("bits {}", field.bit),
+        (_, id) => id.to_string(),
+    }
+}
+
+/// Names of all fields of a layout as identifiers, each once: letters, digits and `_`.
+pub(super) fn keys(layout: &Layout) -> Vec<String> {
+    let mut keys: Vec<String> = Vec::new();
+    for field in &layout.fields {
+        let plain = identifier(&field_name(field));
+        let mut key = plain.clone();
+        let mut number = 2;
+        while keys.contains(&key) {
+            key = format!("{plain}_{number}");
+            number += 1;
+        }
+        keys.push(key);
+    }
+    keys
+}
+
+fn identifier(name: &str) -> String {
+    let mut key = String::new();
+    for letter in name.chars() {
+        if letter.is_ascii_alphanumeric() {
+            key.push(letter);
+        } else if !key.is_empty() && !key.ends_with('_') {
+            key.push('_');
+        }
+    }
+    let key = key.trim_end_matches('_');
+    if key.is_empty() || key.starts_with(|first: char| first.is_ascii_digit()) {
+        format!("_{key}")
+    } else {
+        key.to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::profile::DataType;
+    use crate::wire::canopen::ObjectAddress;
+
+    #[test]
+    fn names_become_identifiers_each_once() {
+        assert_eq!(identifier("Actual pressure (p1)"), "Actual_pressure_p1");
+        assert_eq!(identifier("6041:00"), "_6041_00");
+        assert_eq!(identifier("°"), "_");
+        let field = |index| Field::of_object(ObjectAddress::new(index, 0), 0, 8, DataType::Unsigned8);
+        let layout = Layout { fields: vec![field(0x6041), field(0x6041)], ..Layout::default() };
+        assert_eq!(keys(&layout), ["_6041_00", "_6041_00_2"]);
+    }
+}

@@ -1,0 +1,82 @@
+//! The captures that are converted, as one.
+
+use std::io::Read;
+use std::path::PathBuf;
+
+use anyhow::Context as _;
+use cobscope_decoder::capture::{Batch, BusNames, Merged, MergedCapture, Reader};
+
+use crate::cli::InputArgs;
+use crate::cmd::input::read_options;
+use crate::source::{self, Arranged, Progress, Store, arrange};
+
+/// Captures being read.
+pub(super) struct Input {
+    merged: Merged<Box<dyn Read>>,
+    names: Vec<String>,
+    /// What was read last.
+    pub(super) batch: Batch,
+    pub(super) progress: Progress,
+}
+
+impl Input {
+    /// Opens captures. One alone is read as it comes; of several the first frames are looked at before.
+    ///
+    /// # Errors
+    /// When one cannot be opened or recognised, or when they have no common line of time.
+    pub(super) fn open(paths: &[PathBuf], input: &InputArgs, align: bool) -> anyhow::Result<Self> {
+        let names: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
+        let (merged, progress) = match paths {
+            [path] => {
+                let source::Capture { reader, progress } = source::open(path, &read_options(input))?;
+                (vec![MergedCapture { reader, group: 0, shift: 0 }], progress)
+            }
+            paths => (several(paths, &names, input, align)?, Progress::new(None, std::sync::Arc::default())),
+        };
+        Ok(Self { merged: Merged::new(merged), names, batch: Batch::new(), progress })
+    }
+
+    /// Reads on; false at the end.
+    ///
+    /// # Errors
+    /// When a capture cannot be read any further; the others can.
+    pub(super) fn read(&mut self) -> anyhow::Result<bool> {
+        let read = self.merged.read(&mut self.batch);
+        read.with_context(|| self.names())
+    }
+
+    pub(super) fn buses(&self) -> &BusNames {
+        self.merged.buses()
+    }
+
+    /// What the captures are called.
+    pub(super) fn names(&self) -> String {
+        self.names.join(", ")
+    }
+}
+
+fn several(
+    paths: &[PathBuf],
+    names: &[String],
+    input: &InputArgs,
+    align: bool,
+) -> anyhow::Result<Vec<MergedCapture<Box<dyn Read>>>> {
+    let options = read_options(input);
+    let (mut stores, mut firsts) = (Vec::new(), Vec::new());
+    for (path, name) in paths.iter().zip(names) {
+        let store = Store::open(path)?;
+        let mut reader = Reader::open(store.reader(0), &options).with_context(|| name.clone())?;
+        let mut batch = Batch::new();
+        while batch.frames().is_empty() && reader.read(&mut batch).with_context(|| name.clone())? {}
+        firsts.push(batch.frames().first().and_then(|frame| frame.time));
+        stores.push(store);
+    }
+    let arranged = arrange(names, &firsts, align)?;
+    let captures =
+        stores.iter().zip(arranged).zip(names).map(|((store, Arranged { group, shift }), name)| {
+            let source: Box<dyn Read> = Box::new(store.reader(0));
+            let reader = Reader::open(source, &options).with_context(|| name.clone())?;
+            Ok(MergedCapture { reader, group, shift })
+        });
+    captures.collect()
+}

@@ -1,0 +1,217 @@
+//! `cobscope convert`: captures to captures.
+//!
+//! ```text
+//! captures ─▶ one line of time ─▶ choice: times, nodes, filter ─▶ output: one file, or several
+//! ```
+//! Frames are understood only where something asks for it: a filter, a node, an event, comments.
+
+mod choice;
+mod input;
+mod output;
+
+use std::io::{ErrorKind, Write as _};
+use std::path::Path;
+
+use anyhow::{Context as _, bail, ensure};
+use cobscope_decoder::capture::{BusNames, Item, Notice, WRITABLE, WritableFormat};
+use cobscope_decoder::query::KindSet;
+use cobscope_decoder::sink::escape;
+
+use super::complain;
+use super::input::session_options;
+use crate::cli::ConvertArgs;
+use crate::exit_code::Exit;
+use crate::record::format;
+use choice::Choice;
+use input::Input;
+use output::Output;
+
+/// Lines of a capture that are named when they cannot be read.
+const NAMED: u64 = 10;
+
+/// Runs the command.
+pub fn run(arguments: &ConvertArgs) -> Exit {
+    let (captures, format) = match plan(arguments) {
+        Ok(plan) => plan,
+        Err(error) => return refuse(&error, Exit::Usage),
+    };
+    let choice = session_options(&arguments.input).and_then(|options| Choice::new(arguments, options));
+    let choice = match choice {
+        Ok(choice) => choice,
+        Err(error) => return refuse(&error, Exit::Profile),
+    };
+    let input = match Input::open(captures, &arguments.input, arguments.align) {
+        Ok(input) => input,
+        Err(error) => return refuse(&error, Exit::Capture),
+    };
+    let Some(out) = arguments.input.captures.last() else { return Exit::Usage };
+    let output = match Output::open(out, format, arguments) {
+        Ok(output) => output,
+        Err(error) => return refuse(&error, Exit::Usage),
+    };
+    Conversion { choice, output, unreadable: 0, is_first: true }.run(input)
+}
+
+fn refuse(error: &anyhow::Error, exit: Exit) -> Exit {
+    complain(error);
+    exit
+}
+
+/// The captures, and the format to write.
+///
+/// # Errors
+/// What on the command line cannot be done.
+fn plan(arguments: &ConvertArgs) -> anyhow::Result<(&[std::path::PathBuf], &'static WritableFormat)> {
+    let Some((out, captures)) =
+        arguments.input.captures.split_last().filter(|(_, captures)| !captures.is_empty())
+    else {
+        bail!("give the captures to read and then the file to write, as convert run.log run.pcapng");
+    };
+    let format = format_of(arguments, out)?;
+    if arguments.comments && !format.holds.comments {
+        let with = WRITABLE.iter().filter(|format| format.holds.comments).map(|format| format.title);
+        let with: Vec<_> = with.collect();
+        bail!("{} has no place for comments; these have: {}", format.title, with.join(", "));
+    }
+    if let Some(filter) = &arguments.filter {
+        let told = filter.kinds().and(KindSet::of_frames());
+        ensure!(
+            told != KindSet::NONE,
+            "--filter '{filter}': no single frame tells that; frames are taken by their own message, of these kinds: {}",
+            KindSet::of_frames().names().collect::<Vec<_>>().join(", ")
+        );
+    }
+    let is_stdout = out.as_os_str() == "-";
+    let splits = arguments.split_size.is_some() || arguments.split_at.is_some();
+    ensure!(!(is_stdout && splits), "standard output cannot be split; give a file");
+    for capture in captures {
+        ensure!(is_stdout || !is_same(capture, out), "{}: is read and would be written", out.display());
+    }
+    Ok((captures, format))
+}
+
+fn format_of(arguments: &ConvertArgs, out: &Path) -> anyhow::Result<&'static WritableFormat> {
+    let Some(name) = &arguments.format else {
+        let found = format::of(out);
+        let shown = out.display().to_string();
+        return found.with_context(|| {
+            let known = format::unknown(format::suffixes());
+            format!("{}: {known}; or say it with -f", escape(&shown))
+        });
+    };
+    let found = WRITABLE.iter().find(|format| format.name == name.as_str());
+    found.with_context(|| {
+        let known: Vec<_> = WRITABLE.iter().map(|format| format.name).collect();
+        format!("-f {}: there is no such format; expected one of {}", escape(name), known.join(", "))
+    })
+}
+
+fn is_same(one: &Path, other: &Path) -> bool {
+    matches!((one.canonicalize(), other.canonicalize()), (Ok(one), Ok(other)) if one == other)
+}
+
+struct Conversion {
+    choice: Choice,
+    output: Output,
+    unreadable: u64,
+    is_first: bool,
+}
+
+impl Conversion {
+    fn run(mut self, mut input: Input) -> Exit {
+        let mut exit = Exit::Clean;
+        let mut has_frames = false;
+        loop {
+            match input.read() {
+                Ok(true) => {}
+                Ok(false) => break,
+                Err(error) => {
+                    complain(&error);
+                    exit = Exit::Capture;
+                    continue;
+                }
+            }
+            has_frames |= !input.batch.frames().is_empty();
+            if let Err(error) = self.take(&input) {
+                return end(&error);
+            }
+            if self.choice.is_over() {
+                break;
+            }
+            input.progress.tick();
+        }
+        input.progress.finish();
+        if self.unreadable > NAMED {
+            say(&format!("{} lines or records could not be read", self.unreadable));
+        }
+        if !has_frames {
+            complain(&anyhow::anyhow!("{}: holds no frame", input.names()));
+            exit = Exit::Capture;
+        }
+        match self.output.finish(input.buses()) {
+            Ok(said) => said.iter().for_each(|text| say(text)),
+            Err(error) => return end(&error),
+        }
+        exit
+    }
+
+    fn take(&mut self, input: &Input) -> anyhow::Result<()> {
+        let names = input.buses();
+        if let Some(first) = input.batch.frames().first().filter(|_| self.is_first) {
+            self.choice.begin(first)?;
+            self.is_first = false;
+        }
+        for item in input.batch.items() {
+            match item {
+                Item::Frame(frame) => {
+                    let verdict = self.choice.judge(frame, names);
+                    if verdict.takes {
+                        let bus = name_of(names, frame.bus.0);
+                        self.output.write(frame, bus, verdict.splits, self.choice.comment())?;
+                    }
+                }
+                Item::Notice(notice) => self.notice(notice, names)?,
+            }
+        }
+        Ok(())
+    }
+
+    fn notice(&mut self, notice: &Notice, names: &BusNames) -> anyhow::Result<()> {
+        match notice {
+            Notice::Unreadable { .. } => {
+                self.unreadable += 1;
+                if self.unreadable <= NAMED {
+                    say(&notice.to_string());
+                }
+                Ok(())
+            }
+            Notice::Assumption(text) => {
+                say(text);
+                Ok(())
+            }
+            _ => {
+                self.choice.notice(notice, names);
+                self.output.notice(notice, name_of(names, notice.bus().0))
+            }
+        }
+    }
+}
+
+/// A name without letters is none.
+fn name_of(names: &BusNames, bus: u8) -> &str {
+    names.names().get(usize::from(bus)).map_or("", String::as_str)
+}
+
+/// A closed pipe is no failure.
+fn end(error: &anyhow::Error) -> Exit {
+    let cause = error.downcast_ref::<std::io::Error>();
+    if cause.is_some_and(|cause| cause.kind() == ErrorKind::BrokenPipe) {
+        return Exit::Clean;
+    }
+    refuse(error, Exit::Capture)
+}
+
+/// Standard output may be the capture.
+fn say(text: &str) {
+    let _ = writeln!(std::io::stderr(), "cobscope: {}", escape(text));
+}

@@ -1,0 +1,221 @@
+//! What is written: one file, several, or standard output.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use anyhow::Context as _;
+use cobscope_decoder::capture::{BusNames, FrameWriter, Losses, Notice, WritableFormat, WriteOptions};
+use cobscope_decoder::frame::Frame;
+use cobscope_decoder::sink::escape;
+
+use crate::cli::ConvertArgs;
+use crate::record::{Names, refusal};
+
+/// Bytes gathered before the system gets them.
+const BUFFER: usize = 256 * 1024;
+
+/// Bytes that a frame takes at most in any format, with 64 bytes of data; its comment comes on top.
+const LARGEST_FRAME: u64 = 512;
+
+/// Times a comment's bytes are written at most: escaped for CSV.
+const COMMENT_FACTOR: u64 = 2;
+
+/// Where frames go.
+pub(super) struct Output {
+    format: &'static WritableFormat,
+    options: WriteOptions,
+    losses: Losses,
+    /// None on standard output.
+    names: Option<Names>,
+    splits: bool,
+    most: Option<u64>,
+    force: bool,
+    path: PathBuf,
+    part: Option<Part>,
+    parts: u32,
+    frames: u64,
+}
+
+struct Part {
+    writer: Box<dyn FrameWriter>,
+    written: Arc<AtomicU64>,
+    frames: u64,
+}
+
+impl Output {
+    /// Makes the first file.
+    ///
+    /// # Errors
+    /// When it cannot be made, or is there already.
+    pub(super) fn open(
+        out: &Path,
+        format: &'static WritableFormat,
+        arguments: &ConvertArgs,
+    ) -> anyhow::Result<Self> {
+        let splits = arguments.split_size.is_some() || arguments.split_at.is_some();
+        let is_stdout = out.as_os_str() == "-";
+        let names = if is_stdout { None } else { Some(Names::of(out, splits)?) };
+        if let Some(names) = names.as_ref().filter(|_| !arguments.force) {
+            names.ensure_free()?;
+        }
+        let mut output = Self {
+            format,
+            options: WriteOptions { packing: arguments.packing.into() },
+            losses: Losses::new(format.holds),
+            names,
+            splits,
+            most: arguments.split_size,
+            force: arguments.force,
+            path: out.to_owned(),
+            part: None,
+            parts: 0,
+            frames: 0,
+        };
+        output.begin()?;
+        Ok(output)
+    }
+
+    /// Begins the next file.
+    fn begin(&mut self) -> anyhow::Result<()> {
+        let output: Box<dyn Write + Send> =
+            match &mut self.names {
+                None => Box::new(io::stdout()),
+                Some(names) => {
+                    self.path = names.next();
+                    names.number += 1;
+                    let mut options = File::options();
+                    options.write(true).truncate(true);
+                    // Nothing of the user's is written over unasked.
+                    if self.force {
+                        options.create(true)
+                    } else {
+                        options.create_new(true)
+                    };
+                    let file = options.open(&self.path).map_err(|error| refusal(&self.path, error));
+                    Box::new(file.map_err(|error| {
+                        if self.force { error } else { error.context("--force writes over") }
+                    })?)
+                }
+            };
+        let written = Arc::new(AtomicU64::new(0));
+        let counted =
+            Counted { output: BufWriter::with_capacity(BUFFER, output), written: Arc::clone(&written) };
+        let writer = (self.format.writer)(Box::new(counted), &self.options);
+        self.part = Some(Part { writer, written, frames: 0 });
+        self.parts += 1;
+        Ok(())
+    }
+
+    /// Writes a frame; `splits` begins a new file with it.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    #[inline]
+    pub(super) fn write(
+        &mut self,
+        frame: &Frame,
+        bus: &str,
+        splits: bool,
+        comment: &str,
+    ) -> anyhow::Result<()> {
+        if self.splits && self.is_full(splits, comment) {
+            self.end()?;
+            self.begin()?;
+        }
+        self.losses.see(frame);
+        let Some(part) = &mut self.part else { return Ok(()) };
+        part.frames += 1;
+        self.frames += 1;
+        let written = if comment.is_empty() {
+            part.writer.write(frame, bus)
+        } else {
+            part.writer.write_commented(frame, bus, comment)
+        };
+        written.with_context(|| failed(&self.path))
+    }
+
+    /// Whether a frame begins the next file.
+    fn is_full(&self, splits: bool, comment: &str) -> bool {
+        let Some(part) = self.part.as_ref().filter(|part| part.frames > 0) else { return false };
+        let frame = LARGEST_FRAME.saturating_add(COMMENT_FACTOR.saturating_mul(comment.len() as u64));
+        let size =
+            part.written.load(Ordering::Relaxed).saturating_add(part.writer.pending()).saturating_add(frame);
+        splits || self.most.is_some_and(|most| size > most)
+    }
+
+    /// Writes what else is known of a bus.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub(super) fn notice(&mut self, notice: &Notice, bus: &str) -> anyhow::Result<()> {
+        let Some(part) = &mut self.part else { return Ok(()) };
+        let has_place = part.writer.notice(notice, bus).with_context(|| failed(&self.path))?;
+        if !has_place {
+            self.losses.miss_notice();
+        }
+        Ok(())
+    }
+
+    fn end(&mut self) -> anyhow::Result<()> {
+        match self.part.take() {
+            Some(mut part) => part.writer.finish().with_context(|| failed(&self.path)),
+            None => Ok(()),
+        }
+    }
+
+    /// Ends the last file; what is to be said of it all.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub(super) fn finish(mut self, buses: &BusNames) -> anyhow::Result<Vec<String>> {
+        self.end()?;
+        let mut said = Vec::new();
+        if self.frames == 0 {
+            said.push(format!("{}: no frame was chosen", self.path.display()));
+        }
+        let lost = self.losses.said();
+        if !lost.is_empty() {
+            said.push(format!("{} has no place for all of it: {}", self.format.title, lost.join("; ")));
+        }
+        let are_numbers = (1..).zip(buses.names()).all(|(number, name)| *name == u32::to_string(&number));
+        if !self.format.holds.bus_names && !are_numbers && buses.names().len() > 1 {
+            let numbered =
+                (1..).zip(buses.names()).map(|(number, name)| format!("{} is {number}", escape(name)));
+            said.push(format!(
+                "{} numbers its buses: {}",
+                self.format.title,
+                numbered.collect::<Vec<_>>().join(", ")
+            ));
+        }
+        if self.splits {
+            said.push(format!("{} frames in {} files", self.frames, self.parts));
+        }
+        Ok(said)
+    }
+}
+
+fn failed(path: &Path) -> String {
+    format!("{}: cannot be written", path.display())
+}
+
+/// Counts what goes through.
+struct Counted<W> {
+    output: W,
+    written: Arc<AtomicU64>,
+}
+
+impl<W: Write> Write for Counted<W> {
+    #[inline]
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let count = self.output.write(bytes)?;
+        self.written.fetch_add(count as u64, Ordering::Relaxed);
+        Ok(count)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.output.flush()
+    }
+}
