@@ -19,6 +19,7 @@ mod calendar;
 mod candump;
 mod columns;
 mod compression;
+mod line_format;
 mod link;
 mod merged;
 mod pcap;
