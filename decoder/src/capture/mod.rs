@@ -14,17 +14,24 @@ pub mod adapter;
 mod asc;
 mod batch;
 mod bus_error;
+mod busmaster;
 mod byte_order;
 mod calendar;
 mod candump;
+mod canking;
+mod carbus;
 mod columns;
 mod compression;
+mod crtd;
 mod line_format;
 mod link;
 mod merged;
+mod microchip;
+mod payload;
 mod pcap;
 mod pcapng;
 mod reader;
+mod roadster;
 #[cfg(test)]
 mod testing;
 mod text;
@@ -243,7 +250,19 @@ pub struct Format {
 }
 
 /// All formats, binary before text, strict before lenient: the first that recognises a capture reads it.
-pub const FORMATS: &[Format] = &[pcapng::FORMAT, pcap::FORMAT, trc::FORMAT, asc::FORMAT, candump::FORMAT];
+pub const FORMATS: &[Format] = &[
+    pcapng::FORMAT,
+    pcap::FORMAT,
+    trc::FORMAT,
+    asc::FORMAT,
+    busmaster::FORMAT,
+    carbus::FORMAT,
+    microchip::FORMAT,
+    canking::FORMAT,
+    crtd::FORMAT,
+    roadster::FORMAT,
+    candump::FORMAT,
+];
 
 /// All formats that can be written.
 pub const WRITABLE: &[WritableFormat] = &[candump::WRITABLE, pcapng::WRITABLE];
