@@ -23,6 +23,7 @@ mod carbus;
 mod columns;
 mod compression;
 mod crtd;
+mod csv;
 mod line_format;
 mod link;
 mod merged;
@@ -261,6 +262,7 @@ pub const FORMATS: &[Format] = &[
     canking::FORMAT,
     crtd::FORMAT,
     roadster::FORMAT,
+    csv::FORMAT,
     candump::FORMAT,
 ];
 
