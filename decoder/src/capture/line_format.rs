@@ -260,8 +260,8 @@ mod tests {
 
     #[test]
     fn buses_beyond_the_last_are_unreadable() {
-        let text: String = (0..=MAX_BUSES).map(|bus| format!("can{bus}\n")).collect();
-        let (batch, _, _) = read(&text);
+        let text: Vec<_> = (0..=MAX_BUSES).map(|bus| format!("can{bus}\n")).collect();
+        let (batch, _, _) = read(&text.concat());
         assert_eq!(batch.frames().len(), MAX_BUSES);
         assert_eq!(batch.notices()[0].1.to_string(), "line 65: more than 64 buses");
     }

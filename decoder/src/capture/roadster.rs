@@ -22,8 +22,8 @@ const SECOND: i64 = 1_000_000_000;
 /// Where the columns end: time, identifier, data.
 const ENDS: [usize; 3] = [15, 19, 44];
 
-/// Lines at the start that must all be such lines.
-const DETECTING_LINES: usize = 5;
+/// Lines at the start among which one must be a frame.
+const DETECTING_LINES: usize = 50;
 
 pub(super) const FORMAT: Format = Format {
     name: "roadster",
@@ -33,18 +33,17 @@ pub(super) const FORMAT: Format = Format {
     parser: |_| Box::new(LineParser::new(Roadster)),
 };
 
-/// Frames and notes from the first line on, one frame among them. The last line may still come in.
+/// A frame, with nothing but notes before it. The last line may still come in.
 fn detect(head: &[u8]) -> bool {
     let whole = memchr::memrchr(b'\n', head).and_then(|end| head.get(..end)).unwrap_or_default();
-    let lines = whole.split(|byte| *byte == b'\n').take(DETECTING_LINES);
-    let mut found = false;
-    for line in lines.map(|line| line.strip_suffix(b"\r").unwrap_or(line)) {
-        match read(line) {
-            Ok(seen) => found |= seen.is_some(),
+    for line in whole.split(|byte| *byte == b'\n').take(DETECTING_LINES) {
+        match read(line.strip_suffix(b"\r").unwrap_or(line)) {
+            Ok(Some(_)) => return true,
+            Ok(None) => {}
             Err(_) => return false,
         }
     }
-    found
+    false
 }
 
 fn read(text: &[u8]) -> Result<Option<Seen<'_>>, Fault> {

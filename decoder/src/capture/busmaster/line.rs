@@ -15,6 +15,9 @@ use crate::frame::{Frame, FrameFlags, MAX_DATA};
 /// Nanoseconds of a second.
 const SECOND: i64 = 1_000_000_000;
 
+/// Nanoseconds of a millisecond.
+const MILLISECOND: i64 = 1_000_000;
+
 /// Nanoseconds of a day.
 pub(super) const DAY: i64 = 86_400 * SECOND;
 
@@ -59,14 +62,17 @@ pub(super) fn parse(line: &[u8], is_j1939: bool, base: Base) -> Result<(i64, Con
     Ok((stamp, content?))
 }
 
-/// `22:20:14:9920`. BUSMASTER writes four digits of a second; SavvyCAN writes three, which Wireshark takes
-/// for units of 100 µs too.
+/// `22:20:14:9920`: BUSMASTER writes four digits, units of 100 µs. Up to three are milliseconds, as SavvyCAN
+/// writes them, without zeros before them; Wireshark takes those for units of 100 µs too.
 fn clock(word: &[u8]) -> Option<i64> {
     let mut parts = word.splitn(4, |byte| *byte == b':');
     let mut number = || parts.next().and_then(|part| Base::Decimal.number(part)).map(i64::from);
     let (hours, minutes, seconds) = (number()?, number()?, number()?);
-    let fraction = parts.next().filter(|digits| digits.iter().all(u8::is_ascii_digit))?;
-    let fraction = time(&[b"0.", fraction].concat(), SECOND)?;
+    let fraction = match parts.next()? {
+        digits if digits.len() <= 3 => i64::from(Base::Decimal.number(digits)?) * MILLISECOND,
+        digits if digits.iter().all(u8::is_ascii_digit) => time(&[b"0.", digits].concat(), SECOND)?,
+        _ => return None,
+    };
     let seconds = hours.checked_mul(3_600)?.checked_add(minutes.checked_mul(60)?)?.checked_add(seconds)?;
     seconds.checked_mul(SECOND)?.checked_add(fraction)
 }
@@ -79,7 +85,7 @@ fn direction(word: Option<&[u8]>) -> Result<FrameFlags, &'static str> {
     }
 }
 
-fn channel<'a>(word: Option<&'a [u8]>) -> Result<&'a [u8], &'static str> {
+fn channel(word: Option<&[u8]>) -> Result<&[u8], &'static str> {
     word.filter(|word| word.iter().all(u8::is_ascii_digit)).ok_or(CHANNEL)
 }
 
@@ -91,7 +97,7 @@ fn number(word: &[u8], base: Base) -> Option<u32> {
     }
 }
 
-fn can<'a>(mut words: Words<'a>, base: Base) -> Result<Content<'a>, &'static str> {
+fn can(mut words: Words<'_>, base: Base) -> Result<Content<'_>, &'static str> {
     let way = direction(words.next())?;
     let bus = channel(words.next())?;
     let id = words.next().and_then(|word| number(word, base));
@@ -116,7 +122,7 @@ fn error(text: &[u8], sending: bool) -> Frame {
     violation(kind.map_or(Violation::Other, |(_, kind)| *kind), sending, 0, None)
 }
 
-fn j1939<'a>(mut words: Words<'a>, base: Base) -> Result<Content<'a>, &'static str> {
+fn j1939(mut words: Words<'_>, base: Base) -> Result<Content<'_>, &'static str> {
     let bus = channel(words.next())?;
     let id = words.next().and_then(|word| number(word, base));
     let id = id.and_then(|id| identifier(id, true)).ok_or(IDENTIFIER)?;
@@ -158,6 +164,15 @@ mod tests {
             ),
         ] {
             assert_eq!(read(line), expected, "{line}");
+        }
+    }
+
+    #[test]
+    fn fractions_of_a_second_in_both_programs() {
+        for (word, expected) in
+            [("0:0:1:0002", 1_000_200_000), ("0:0:1:2", 1_002_000_000), ("0:0:1:992", 1_992_000_000)]
+        {
+            assert_eq!(clock(word.as_bytes()), Some(expected), "{word}");
         }
     }
 

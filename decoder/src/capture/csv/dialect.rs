@@ -77,9 +77,7 @@ pub(super) enum Coding {
 }
 
 /// Columns of a program: names in lower case, `#` for a number.
-pub(super) struct Dialect {
-    /// Whose.
-    pub(super) title: &'static str,
+struct Dialect {
     /// Columns a header must name.
     required: &'static [(&'static str, Meaning)],
     /// Columns it may name.
@@ -89,9 +87,9 @@ pub(super) struct Dialect {
 }
 
 /// All known programs, those that need more columns first.
-pub(super) const DIALECTS: &[Dialect] = &[
+const DIALECTS: &[Dialect] = &[
+    // cobscope.
     Dialect {
-        title: "cobscope",
         required: &[
             ("time", Meaning::Time(Stamp::Seconds)),
             ("bus", Meaning::Bus),
@@ -110,9 +108,8 @@ pub(super) const DIALECTS: &[Dialect] = &[
         optional: &[],
         has_text: false,
     },
+    // CSS Electronics: mdf4-converters, CANedge and webCAN.
     Dialect {
-        // mdf4-converters, CANedge and webCAN.
-        title: "CSS Electronics",
         required: &[
             ("timestampepoch", Meaning::Time(Stamp::Seconds)),
             ("buschannel", Meaning::Bus),
@@ -131,9 +128,8 @@ pub(super) const DIALECTS: &[Dialect] = &[
         ],
         has_text: false,
     },
+    // python-can: can.CSVWriter: what it calls dlc is a length.
     Dialect {
-        // can.CSVWriter: what it calls dlc is a length.
-        title: "python-can",
         required: &[
             ("timestamp", Meaning::Time(Stamp::Seconds)),
             ("arbitration_id", Meaning::Id(Base::Hex)),
@@ -146,9 +142,8 @@ pub(super) const DIALECTS: &[Dialect] = &[
         optional: &[],
         has_text: false,
     },
+    // SavvyCAN: framefileio.cpp, saveNativeCSVFile; older ones have no Dir.
     Dialect {
-        // framefileio.cpp, saveNativeCSVFile; older ones have no Dir.
-        title: "SavvyCAN",
         required: &[
             ("time stamp", Meaning::Time(Stamp::Microseconds)),
             ("id", Meaning::Id(Base::Hex)),
@@ -160,9 +155,8 @@ pub(super) const DIALECTS: &[Dialect] = &[
         optional: &[("dir", Meaning::Direction), ("d#", Meaning::Byte(Base::Hex))],
         has_text: false,
     },
+    // Kvaser Memorator: Kvaser's linlib samples, KvaLogWriter_CsvFrame.cpp; the lines before the header name the bases.
     Dialect {
-        // Kvaser's linlib samples, KvaLogWriter_CsvFrame.cpp; the lines before the header name the bases.
-        title: "Kvaser Memorator",
         required: &[
             ("time", Meaning::Time(Stamp::Seconds)),
             ("channel", Meaning::Bus),
@@ -175,8 +169,8 @@ pub(super) const DIALECTS: &[Dialect] = &[
         optional: &[("data#", Meaning::Byte(Base::Hex))],
         has_text: false,
     },
+    // IXXAT MiniMon and canAnalyser.
     Dialect {
-        title: "IXXAT MiniMon and canAnalyser",
         required: &[
             ("time", Meaning::Time(Stamp::Clock)),
             ("format", Meaning::Extended),
@@ -190,8 +184,8 @@ pub(super) const DIALECTS: &[Dialect] = &[
         ],
         has_text: false,
     },
+    // Netronics CANdo.
     Dialect {
-        title: "Netronics CANdo",
         required: &[
             ("type", Meaning::CandoKind),
             ("time", Meaning::Time(Stamp::Seconds)),
@@ -201,8 +195,8 @@ pub(super) const DIALECTS: &[Dialect] = &[
         optional: &[("d#", Meaning::Byte(Base::Hex))],
         has_text: true,
     },
+    // canopen-message-interpreter.
     Dialect {
-        title: "canopen-message-interpreter",
         required: &[
             ("message number", Meaning::Nothing),
             ("time [ms]", Meaning::Time(Stamp::Milliseconds)),
@@ -213,9 +207,8 @@ pub(super) const DIALECTS: &[Dialect] = &[
         optional: &[],
         has_text: false,
     },
+    // SavvyCAN, generic: framefileio.cpp, saveGenericCSVFile.
     Dialect {
-        // framefileio.cpp, saveGenericCSVFile.
-        title: "SavvyCAN, generic",
         required: &[("id", Meaning::Id(Base::Hex)), ("data bytes", Meaning::Data(Coding::Hex))],
         optional: &[],
         has_text: false,
@@ -309,7 +302,7 @@ mod tests {
             let names: Vec<_> = dialect.required.iter().map(|(name, _)| *name).collect();
             let has = |known: &str| names.contains(&known);
             let first = DIALECTS.iter().position(|other| other.required.iter().all(|(name, _)| has(name)));
-            assert_eq!(first, Some(index), "{}", dialect.title);
+            assert_eq!(first, Some(index), "{names:?}");
         }
     }
 }

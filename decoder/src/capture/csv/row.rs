@@ -71,10 +71,9 @@ impl<'a> Cells<'a> {
     fn take(&mut self, field: Field<'a>, meaning: Meaning) -> Result<(), Fault> {
         let text = field.text.trim_ascii();
         match meaning {
-            Meaning::Time(_) if text.is_empty() => {}
+            Meaning::Time(_) | Meaning::Id(_) if text.is_empty() => {}
             Meaning::Time(style) => self.time = Some(stamp(text, style).ok_or(TIME)?),
             Meaning::Bus => self.bus = Some(Field { text, ..field }),
-            Meaning::Id(_) if text.is_empty() => {}
             Meaning::Id(Base::Hex) => self.id = Some(payload::hex(text).ok_or(IDENTIFIER)?),
             Meaning::Id(base) => self.id = Some(base.number(text).ok_or(IDENTIFIER)?),
             Meaning::Extended => self.extended = Some(truth(text)?),
