@@ -142,6 +142,7 @@ impl LineFormat for Asc {
             }
             Content::Start => self.clock.start_of_measurement(),
             Content::Request => assumptions.say("requests to send (TxRq) are not taken for frames"),
+            Content::Foreign => assumptions.say("lines of other bus systems than CAN are passed over"),
             Content::Nothing => {}
         }
         Ok(None)
@@ -210,6 +211,16 @@ mod tests {
         assert_eq!(batch.frames()[1].data(), [16]);
         let [(1, notice)] = batch.notices() else { panic!("{:?}", batch.notices()) };
         assert!(notice.to_string().starts_with("line 4: expected a channel number"), "{notice}");
+    }
+
+    #[test]
+    fn other_bus_systems_are_passed_over_and_said_once() {
+        let batch = read(
+            "base hex\n 0.1 Li 3c Tx 1 01\n 0.2 1 123 Rx d 0\n 0.3 ETH 1 Rx 40:FF\n 0.4 L2 3c Rx 1 01\n",
+        );
+        assert_eq!(times(&batch), ["0.200000000"]);
+        let [(0, notice)] = batch.notices() else { panic!("{:?}", batch.notices()) };
+        assert_eq!(notice.to_string(), "lines of other bus systems than CAN are passed over");
     }
 
     #[test]
