@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use cobscope_decoder::capture::ReadOptions;
+use cobscope_decoder::capture::{FORMATS, ReadOptions};
 
 use crate::harness::{self, TARGETS};
 use crate::support::workspace;
@@ -30,11 +30,11 @@ fn kept_inputs_of_every_target() {
 /// Whatever a capture is, every reader gets it, not only the one that recognises it.
 #[test]
 fn malformed_captures_through_every_reader() {
-    let readers = ["candump", "trc", "asc", "pcap", "pcapng"];
+    let is_reader = |name: &str| FORMATS.iter().any(|format| format.name == name);
     for entry in fs::read_dir(workspace().join("fixtures/malformed")).unwrap() {
         let path = entry.unwrap().path();
         for (name, target) in TARGETS {
-            if readers.contains(name) || *name == "any" {
+            if is_reader(name) || *name == "any" {
                 replay(*target, &path);
             }
         }

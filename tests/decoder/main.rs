@@ -17,6 +17,7 @@ mod fields;
 mod filters;
 mod findings_explained;
 mod formats_candump;
+mod formats_foreign;
 mod formats_pcap;
 mod formats_text;
 mod fuzz_replay;

@@ -14,19 +14,28 @@ pub mod adapter;
 mod asc;
 mod batch;
 mod bus_error;
+mod busmaster;
 mod byte_order;
 mod calendar;
 mod candump;
+mod canking;
+mod carbus;
 mod columns;
 mod compression;
+mod crtd;
+mod csv;
 mod holds;
+mod line_format;
 mod link;
 mod mcap;
 mod merged;
+mod microchip;
+mod payload;
 mod pcap;
 mod pcapng;
 mod reader;
 mod remark;
+mod roadster;
 #[cfg(test)]
 mod testing;
 mod text;
@@ -255,8 +264,21 @@ pub struct Format {
 }
 
 /// All formats, binary before text, strict before lenient: the first that recognises a capture reads it.
-pub const FORMATS: &[Format] =
-    &[mcap::FORMAT, pcapng::FORMAT, pcap::FORMAT, trc::FORMAT, asc::FORMAT, candump::FORMAT];
+pub const FORMATS: &[Format] = &[
+    mcap::FORMAT,
+    pcapng::FORMAT,
+    pcap::FORMAT,
+    trc::FORMAT,
+    asc::FORMAT,
+    busmaster::FORMAT,
+    carbus::FORMAT,
+    microchip::FORMAT,
+    canking::FORMAT,
+    crtd::FORMAT,
+    roadster::FORMAT,
+    csv::FORMAT,
+    candump::FORMAT,
+];
 
 /// All formats that can be written.
 pub const WRITABLE: &[WritableFormat] = &[

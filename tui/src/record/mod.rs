@@ -32,7 +32,7 @@ use jiff::civil::DateTime;
 
 use disk::{Disk, Files};
 use item::{Gap, Item, What};
-pub use names::{Names, refusal};
+pub use names::Names;
 use parts::{Limits, Parts};
 pub use status::{RecordFailure, RecordStatus};
 

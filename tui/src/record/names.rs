@@ -123,7 +123,7 @@ impl Names {
 }
 
 /// Why a file cannot be made.
-pub fn refusal(path: &Path, error: std::io::Error) -> anyhow::Error {
+pub(super) fn refusal(path: &Path, error: std::io::Error) -> anyhow::Error {
     let shown = path.display().to_string();
     let shown = escape(&shown);
     match error.kind() {

@@ -42,6 +42,13 @@ pub const TARGETS: &[Target] = &[
     ("candump", candump),
     ("trc", trc),
     ("asc", asc),
+    ("busmaster", busmaster),
+    ("crtd", crtd),
+    ("carbus", carbus),
+    ("microchip", microchip),
+    ("canking", canking),
+    ("roadster", roadster),
+    ("csv", csv),
     ("pcap", pcap),
     ("pcapng", pcapng),
     ("slcan", slcan),
@@ -80,6 +87,41 @@ pub fn trc(data: &[u8]) {
 /// The ASC reader.
 pub fn asc(data: &[u8]) {
     reader::holds_its_contract("asc", data);
+}
+
+/// The reader of BUSMASTER's captures.
+pub fn busmaster(data: &[u8]) {
+    reader::holds_its_contract("busmaster", data);
+}
+
+/// The reader of CRTD.
+pub fn crtd(data: &[u8]) {
+    reader::holds_its_contract("crtd", data);
+}
+
+/// The reader of CARBUS Analyzer traces.
+pub fn carbus(data: &[u8]) {
+    reader::holds_its_contract("carbus", data);
+}
+
+/// The reader of Microchip's CAN BUS Analyzer.
+pub fn microchip(data: &[u8]) {
+    reader::holds_its_contract("microchip", data);
+}
+
+/// The reader of CanKing's text.
+pub fn canking(data: &[u8]) {
+    reader::holds_its_contract("canking", data);
+}
+
+/// The reader of the first OVMS text.
+pub fn roadster(data: &[u8]) {
+    reader::holds_its_contract("roadster", data);
+}
+
+/// The reader of CSV.
+pub fn csv(data: &[u8]) {
+    reader::holds_its_contract("csv", data);
 }
 
 /// The pcap reader.

@@ -8,8 +8,8 @@ use crate::frame::Frame;
 /// Nanoseconds of the unit of times.
 const SECOND: i64 = 1_000_000_000;
 
-/// First words behind the time of events that are no CAN frames: the measurement's own, variables,
-/// test steps, positions, comments, and frames of other bus systems.
+/// First words behind the time of events that are no frames: the measurement's own, variables, test
+/// steps, positions, comments.
 const NO_FRAME: &[&[u8]] = &[
     b"CAN", // `CAN 1 Status:chip status error passive …`
     b"SV:",
@@ -19,12 +19,12 @@ const NO_FRAME: &[&[u8]] = &[
     b"TFS:",
     b"log",
     b"Trigger",
-    b"Li",
-    b"LIN",
-    b"Fr",
-    b"ETH",
-    b"MOST",
 ];
+
+/// First words of frames of other bus systems. LIN's are `Li` for the first channel, `L2` and so on for
+/// the others.
+const OTHER_BUSES: &[&[u8]] =
+    &[b"Li", b"LIN", b"Fr", b"FR", b"ETH", b"MOST", b"MS", b"M50", b"M150", b"WLAN", b"AFDX", b"A429"];
 
 /// Beginnings of the word behind a channel where the line is about the channel, or repeats what frames
 /// say: `Statistic:` counts, `J1939TP` is the transport message that earlier frames carried.
@@ -48,6 +48,8 @@ pub(super) enum Content<'a> {
     Start,
     /// A frame somebody wants to send; when it was sent it stands in a line of its own.
     Request,
+    /// A frame of another bus system.
+    Foreign,
     /// No frame.
     Nothing,
 }
@@ -70,6 +72,9 @@ fn content(mut words: Words<'_>, base: Base) -> Result<Content<'_>, &'static str
     if is_silent {
         return Ok(Content::Nothing);
     }
+    if is_foreign(first) {
+        return Ok(Content::Foreign);
+    }
     let is_fd = first.eq_ignore_ascii_case(b"CANFD");
     let channel = if is_fd { words.next().unwrap_or_default() } else { first };
     if first == b"CANXL" {
@@ -87,6 +92,11 @@ fn content(mut words: Words<'_>, base: Base) -> Result<Content<'_>, &'static str
     }
     let frame = if is_fd { frame::on_fd_channel(words, base)? } else { frame::classic(words, base, rest)? };
     Ok(frame.map_or(Content::Request, |frame| Content::Frame(channel, frame)))
+}
+
+fn is_foreign(first: &[u8]) -> bool {
+    let lin = first.strip_prefix(b"L").filter(|digits| !digits.is_empty());
+    OTHER_BUSES.contains(&first) || lin.is_some_and(|digits| digits.iter().all(u8::is_ascii_digit))
 }
 
 #[cfg(test)]
@@ -113,6 +123,19 @@ mod tests {
         }
         assert_eq!(content_of("   0.000000 Start of measurement"), Ok(Content::Start));
         assert_eq!(content_of("   0.1 1 291 TxRq d 0"), Ok(Content::Request));
+    }
+
+    #[test]
+    fn frames_of_other_bus_systems_are_told_from_can() {
+        for line in [
+            "   0.1 Li 3c Tx     8 01 02 03 04 05 06 07 08  checksum = 7f",
+            "   0.1 L12 3c Tx 8 01 02 03 04 05 06 07 08",
+            "   0.1 Fr RMSG  0 0 1 1 1e 0 Rx 0 40 4 8 01 02",
+            "   0.1 ETH  1 Rx 40:FFFFFFFFFFFF020000000001080045",
+        ] {
+            assert_eq!(content_of(line), Ok(Content::Foreign), "{line}");
+        }
+        assert!(content_of("   0.1 Lx 3c Tx 8").is_err());
     }
 
     #[test]

@@ -10,6 +10,7 @@
 //! `CANFD` means a channel that can do FD, not that the frame is one: the flags say so.
 
 use crate::capture::columns::{Base, Words, data, identifier};
+use crate::capture::payload::is_fd_length;
 use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, fd_length};
 
 /// Flag of an FD line: a remote frame.
@@ -121,10 +122,6 @@ fn readings_of(number: u8) -> impl Iterator<Item = (u8, u8, bool)> {
         _ => None,
     };
     [as_length, as_dlc, classic].into_iter().flatten()
-}
-
-fn is_fd_length(length: u8) -> bool {
-    (0..=15).any(|dlc| fd_length(dlc) == length)
 }
 
 /// A frame on an FD channel, behind the channel's number.

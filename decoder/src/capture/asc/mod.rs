@@ -22,16 +22,20 @@ mod header;
 use event::Content;
 use header::Header;
 
+use super::Format;
 use super::columns::Base;
-use super::text::{Lines, Step, excerpt};
-use super::{Batch, BusNames, CaptureError, Format, Notice, Parser, Place};
-use crate::frame::{Frame, Timestamp};
+use super::line_format::{Assumptions, Fault, LineFormat, LineParser, Seen};
 
 /// Lines at the start among which one must be of the header.
 const DETECTING_LINES: usize = 50;
 
-pub(super) const FORMAT: Format =
-    Format { name: "asc", title: "Vector ASC", is_text: true, detect, parser: |_| Box::new(Asc::default()) };
+pub(super) const FORMAT: Format = Format {
+    name: "asc",
+    title: Asc::TITLE,
+    is_text: true,
+    detect,
+    parser: |_| Box::new(LineParser::new(Asc::default())),
+};
 
 /// A line of the header, whole: of one still coming in, the end may be anything.
 fn detect(head: &[u8]) -> bool {
@@ -41,16 +45,11 @@ fn detect(head: &[u8]) -> bool {
     lines.any(|line| matches!(header::parse(line), Ok(Header::Date(_) | Header::Base { .. })))
 }
 
-/// Reader of ASC.
+/// What ASC says of later lines.
 #[derive(Clone, Default)]
 struct Asc {
-    lines: Lines,
-    buses: BusNames,
     base: Base,
     clock: Clock,
-    frames: u64,
-    said_zone: bool,
-    said_request: bool,
 }
 
 /// What times stand for.
@@ -95,114 +94,72 @@ impl Clock {
     }
 
     /// The time of the line counted last.
-    fn now(&self) -> Timestamp {
-        Timestamp(self.start.or(self.block).unwrap_or(0)).plus(self.elapsed)
+    fn now(&self) -> i64 {
+        self.start.or(self.block).unwrap_or(0).saturating_add(self.elapsed)
     }
 }
 
 impl Asc {
-    fn line(&mut self, text: &[u8], batch: &mut Batch) {
-        let text = text.trim_ascii();
-        if text.is_empty() {
-            return;
-        }
-        let Some(event) = event::parse(text, self.base) else {
-            self.header(text, batch);
-            return;
-        };
-        self.clock.advance(event.stamp);
-        match event.content {
-            Ok(Content::Frame(channel, frame)) => self.frame(channel, &frame, batch),
-            Ok(Content::Start) => self.clock.start_of_measurement(),
-            Ok(Content::Request) if !std::mem::replace(&mut self.said_request, true) => {
-                batch.notice(Notice::Assumption("requests to send (TxRq) are not taken for frames".into()));
-            }
-            Ok(Content::Request | Content::Nothing) => {}
-            Err(reason) => self.unreadable(reason, text, batch),
-        }
-    }
-
-    fn header(&mut self, text: &[u8], batch: &mut Batch) {
-        match header::parse(text) {
-            Ok(Header::Date(date)) => {
+    fn header(&mut self, text: &[u8], assumptions: &mut Assumptions) -> Result<(), Fault> {
+        const ZONE: &str = "the start date carries no time zone: times read as UTC";
+        match header::parse(text)? {
+            Header::Date(date) => {
                 self.clock.date(date);
-                self.say_zone(batch);
+                assumptions.say(ZONE);
             }
-            Ok(Header::TriggerBlock(date)) => {
+            Header::TriggerBlock(date) => {
                 self.clock.block = date;
                 if date.is_some() {
-                    self.say_zone(batch);
+                    assumptions.say(ZONE);
                 }
             }
-            Ok(Header::Base { base, relative }) => {
+            Header::Base { base, relative } => {
                 self.base = base;
                 self.clock.relative = relative;
             }
-            Ok(Header::Silent) => {}
-            Err(reason) => self.unreadable(reason, text, batch),
+            Header::Silent => {}
         }
-    }
-
-    fn say_zone(&mut self, batch: &mut Batch) {
-        if !std::mem::replace(&mut self.said_zone, true) {
-            let text = "the start date carries no time zone: times read as UTC";
-            batch.notice(Notice::Assumption(text.into()));
-        }
-    }
-
-    fn frame(&mut self, channel: &[u8], frame: &Frame, batch: &mut Batch) {
-        let Some(bus) = self.buses.index_of(channel) else {
-            let reason = format!("more than {} channels", super::MAX_BUSES);
-            batch.notice(Notice::Unreadable { place: Place::Line(self.lines.number()), reason });
-            return;
-        };
-        self.frames += 1;
-        batch.push(Frame { number: self.frames, time: Some(self.clock.now()), bus, ..*frame });
-    }
-
-    fn unreadable(&self, reason: &str, text: &[u8], batch: &mut Batch) {
-        let reason = format!("{reason}; found {}", excerpt(text));
-        batch.notice(Notice::Unreadable { place: Place::Line(self.lines.number()), reason });
+        Ok(())
     }
 }
 
-impl Parser for Asc {
-    fn parse(&mut self, input: &[u8], at_end: bool, batch: &mut Batch) -> Result<usize, CaptureError> {
-        let mut taken = 0;
-        while !batch.is_full() {
-            let rest = input.get(taken..).unwrap_or_default();
-            taken += match self.lines.next(rest, at_end) {
-                Step::Line(line, length) => {
-                    self.line(line, batch);
-                    length
-                }
-                Step::Skip(length) => length,
-                Step::More => break,
-            };
+impl LineFormat for Asc {
+    const TITLE: &'static str = "Vector ASC";
+
+    fn line<'a>(
+        &'a mut self,
+        text: &'a [u8],
+        assumptions: &mut Assumptions,
+    ) -> Result<Option<Seen<'a>>, Fault> {
+        let text = text.trim_ascii();
+        let Some(event) = event::parse(text, self.base) else {
+            return self.header(text, assumptions).map(|()| None);
+        };
+        self.clock.advance(event.stamp);
+        match event.content? {
+            Content::Frame(channel, frame) => {
+                return Ok(Some(Seen::new(Some(self.clock.now()), channel, frame)));
+            }
+            Content::Start => self.clock.start_of_measurement(),
+            Content::Request => assumptions.say("requests to send (TxRq) are not taken for frames"),
+            Content::Foreign => assumptions.say("lines of other bus systems than CAN are passed over"),
+            Content::Nothing => {}
         }
-        Ok(taken)
-    }
-
-    fn buses(&self) -> &BusNames {
-        &self.buses
-    }
-
-    fn line(&self) -> Option<u64> {
-        Some(self.lines.number())
-    }
-
-    fn clone_box(&self) -> Box<dyn Parser> {
-        Box::new(self.clone())
+        Ok(None)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::{Batch, Notice, Parser};
     use super::*;
 
     fn read(text: &str) -> Batch {
         let mut batch = Batch::new();
-        assert_eq!(Asc::default().parse(text.as_bytes(), true, &mut batch).unwrap(), text.len());
+        assert_eq!(
+            LineParser::new(Asc::default()).parse(text.as_bytes(), true, &mut batch).unwrap(),
+            text.len()
+        );
         batch
     }
 
@@ -257,9 +214,19 @@ mod tests {
     }
 
     #[test]
+    fn other_bus_systems_are_passed_over_and_said_once() {
+        let batch = read(
+            "base hex\n 0.1 Li 3c Tx 1 01\n 0.2 1 123 Rx d 0\n 0.3 ETH 1 Rx 40:FF\n 0.4 L2 3c Rx 1 01\n",
+        );
+        assert_eq!(times(&batch), ["0.200000000"]);
+        let [(0, notice)] = batch.notices() else { panic!("{:?}", batch.notices()) };
+        assert_eq!(notice.to_string(), "lines of other bus systems than CAN are passed over");
+    }
+
+    #[test]
     fn channels_are_buses() {
         let mut batch = Batch::new();
-        let mut reader = Asc::default();
+        let mut reader = LineParser::new(Asc::default());
         reader
             .parse(b" 0.1 2 1 Rx d 0\n 0.1 CANFD 1 Rx 1 0 0 0 0\n 0.1 2 1 TxRq d 0\n", true, &mut batch)
             .unwrap();

@@ -15,10 +15,10 @@ mod line;
 
 use line::{FrameLine, LAYOUTS, Line};
 
+use super::Format;
 use super::columns::{Words, windows_date};
-use super::text::{Lines, Step, excerpt};
-use super::{Batch, BusNames, CaptureError, Format, Notice, Parser, Place};
-use crate::frame::{Frame, Timestamp};
+use super::line_format::{Assumptions, Fault, LineFormat, LineParser, Seen};
+use super::text::excerpt;
 
 /// Comment lines that a heading may have before the first frame.
 const DETECTING_LINES: usize = 200;
@@ -26,8 +26,13 @@ const DETECTING_LINES: usize = 200;
 /// Columns of a line that are looked at; version 2.1 has nine.
 const MOST_COLUMNS: usize = 16;
 
-pub(super) const FORMAT: Format =
-    Format { name: "trc", title: "PEAK TRC", is_text: true, detect, parser: |_| Box::new(Trc::new()) };
+pub(super) const FORMAT: Format = Format {
+    name: "trc",
+    title: Trc::TITLE,
+    is_text: true,
+    detect,
+    parser: |_| Box::new(LineParser::new(Trc::new())),
+};
 
 /// A version line, or comments and then a line of version 1.0. PEAK's LIN traces begin alike, but have
 /// a checksum column.
@@ -54,49 +59,20 @@ fn oldest_layout() -> &'static [u8] {
     LAYOUTS.first().map_or(b"", |(_, layout)| layout)
 }
 
-/// Reader of PEAK traces.
+/// What PEAK traces say of later lines.
 #[derive(Clone)]
 struct Trc {
-    lines: Lines,
-    buses: BusNames,
     layout: Vec<u8>,
     start: i64,
-    frames: u64,
-    offset: u64,
-    said_zone: bool,
 }
 
 impl Trc {
     fn new() -> Self {
-        Self {
-            lines: Lines::default(),
-            buses: BusNames::default(),
-            layout: oldest_layout().to_vec(),
-            start: 0,
-            frames: 0,
-            offset: 0,
-            said_zone: false,
-        }
-    }
-
-    fn line(&mut self, text: &[u8], batch: &mut Batch) -> Result<(), CaptureError> {
-        let text = text.trim_ascii();
-        if let Some(comment) = text.strip_prefix(b";") {
-            return self.comment(comment, batch);
-        }
-        if text.is_empty() {
-            return Ok(());
-        }
-        match line::parse(&self.layout, text) {
-            Ok(Line::Nothing) => {}
-            Ok(Line::Frame(found)) => self.frame(&found, batch),
-            Err(reason) => self.unreadable(reason, text, batch),
-        }
-        Ok(())
+        Self { layout: oldest_layout().to_vec(), start: 0 }
     }
 
     /// Comments are free text but for three keywords.
-    fn comment(&mut self, comment: &[u8], batch: &mut Batch) -> Result<(), CaptureError> {
+    fn comment(&mut self, comment: &[u8], assumptions: &mut Assumptions) -> Result<(), Fault> {
         if let Some(version) = comment.strip_prefix(b"$FILEVERSION=") {
             return self.version(version.trim_ascii());
         }
@@ -105,101 +81,57 @@ impl Trc {
             self.layout = columns.filter_map(|column| column.trim_ascii().first().copied()).collect();
         }
         if let Some(days) = comment.strip_prefix(b"$STARTTIME=") {
-            self.start_time(days.trim_ascii_end(), batch);
+            self.start = windows_date(days.trim_ascii_end())
+                .ok_or("start time: expected days since 1899-12-30, 44548.6028595139")?;
+            assumptions.say("the start time carries no time zone: times read as UTC");
         }
         Ok(())
     }
 
-    fn version(&mut self, version: &[u8]) -> Result<(), CaptureError> {
+    fn version(&mut self, version: &[u8]) -> Result<(), Fault> {
         let known = LAYOUTS.iter().find(|(known, _)| known.as_bytes() == version);
         // From 2.0 on the columns are named, so that a later version can be read too.
         let later = || LAYOUTS.last().filter(|_| version.starts_with(b"2."));
-        match known.or_else(later) {
-            Some((_, layout)) => {
-                self.layout = layout.to_vec();
-                Ok(())
-            }
-            None => Err(CaptureError::Header {
-                format: FORMAT.title,
-                offset: self.offset,
+        let Some((_, layout)) = known.or_else(later) else {
+            return Err(Fault::Header {
                 found: format!("file version {}", excerpt(version)),
                 expected: "1.0, 1.1, 1.2, 1.3 or 2.x",
-            }),
-        }
-    }
-
-    fn start_time(&mut self, days: &[u8], batch: &mut Batch) {
-        let Some(start) = windows_date(days) else {
-            self.unreadable("start time: expected days since 1899-12-30, 44548.6028595139", days, batch);
-            return;
+            });
         };
-        self.start = start;
-        if !std::mem::replace(&mut self.said_zone, true) {
-            let text = "the start time carries no time zone: times read as UTC";
-            batch.notice(Notice::Assumption(text.into()));
-        }
-    }
-
-    fn frame(&mut self, found: &FrameLine<'_>, batch: &mut Batch) {
-        let place = Place::Line(self.lines.number());
-        let Some(bus) = self.buses.index_of(found.bus) else {
-            let reason = format!("more than {} buses", super::MAX_BUSES);
-            batch.notice(Notice::Unreadable { place, reason });
-            return;
-        };
-        if found.lost {
-            batch.notice(Notice::LostFrames { place, bus, count: None });
-        }
-        self.frames += 1;
-        let time = Some(Timestamp(self.start).plus(found.offset));
-        batch.push(Frame { number: self.frames, time, bus, ..found.frame });
-    }
-
-    fn unreadable(&self, reason: &str, text: &[u8], batch: &mut Batch) {
-        let reason = format!("{reason}; found {}", excerpt(text));
-        batch.notice(Notice::Unreadable { place: Place::Line(self.lines.number()), reason });
+        self.layout = layout.to_vec();
+        Ok(())
     }
 }
 
-impl Parser for Trc {
-    fn parse(&mut self, input: &[u8], at_end: bool, batch: &mut Batch) -> Result<usize, CaptureError> {
-        let mut taken = 0;
-        while !batch.is_full() {
-            let rest = input.get(taken..).unwrap_or_default();
-            let length = match self.lines.next(rest, at_end) {
-                Step::Line(line, length) => {
-                    self.line(line, batch)?;
-                    length
-                }
-                Step::Skip(length) => length,
-                Step::More => break,
-            };
-            taken += length;
-            self.offset += length as u64;
+impl LineFormat for Trc {
+    const TITLE: &'static str = "PEAK TRC";
+
+    fn line<'a>(
+        &'a mut self,
+        text: &'a [u8],
+        assumptions: &mut Assumptions,
+    ) -> Result<Option<Seen<'a>>, Fault> {
+        let text = text.trim_ascii();
+        if let Some(comment) = text.strip_prefix(b";") {
+            return self.comment(comment, assumptions).map(|()| None);
         }
-        Ok(taken)
-    }
-
-    fn buses(&self) -> &BusNames {
-        &self.buses
-    }
-
-    fn line(&self) -> Option<u64> {
-        Some(self.lines.number())
-    }
-
-    fn clone_box(&self) -> Box<dyn Parser> {
-        Box::new(self.clone())
+        let FrameLine { offset, bus, frame, lost } = match line::parse(&self.layout, text)? {
+            Line::Nothing => return Ok(None),
+            Line::Frame(found) => found,
+        };
+        Ok(Some(Seen { time: Some(self.start.saturating_add(offset)), bus, frame, lost }))
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::{Batch, CaptureError, Notice, Parser};
     use super::*;
+    use crate::frame::Timestamp;
 
     fn read(text: &str) -> Result<Batch, CaptureError> {
         let mut batch = Batch::new();
-        assert_eq!(Trc::new().parse(text.as_bytes(), true, &mut batch)?, text.len());
+        assert_eq!(LineParser::new(Trc::new()).parse(text.as_bytes(), true, &mut batch)?, text.len());
         Ok(batch)
     }
 

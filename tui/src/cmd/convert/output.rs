@@ -12,7 +12,7 @@ use cobscope_decoder::frame::Frame;
 use cobscope_decoder::sink::escape;
 
 use crate::cli::ConvertArgs;
-use crate::record::{Names, refusal};
+use crate::record::Names;
 
 /// Bytes gathered before the system gets them.
 const BUFFER: usize = 256 * 1024;
@@ -80,26 +80,17 @@ impl Output {
 
     /// Begins the next file.
     fn begin(&mut self) -> anyhow::Result<()> {
-        let output: Box<dyn Write + Send> =
-            match &mut self.names {
-                None => Box::new(io::stdout()),
-                Some(names) => {
-                    self.path = names.next();
-                    names.number += 1;
-                    let mut options = File::options();
-                    options.write(true).truncate(true);
-                    // Nothing of the user's is written over unasked.
-                    if self.force {
-                        options.create(true)
-                    } else {
-                        options.create_new(true)
-                    };
-                    let file = options.open(&self.path).map_err(|error| refusal(&self.path, error));
-                    Box::new(file.map_err(|error| {
-                        if self.force { error } else { error.context("--force writes over") }
-                    })?)
-                }
-            };
+        let output: Box<dyn Write + Send> = match &mut self.names {
+            None => Box::new(io::stdout()),
+            Some(names) => {
+                self.path = names.next();
+                names.number += 1;
+                let mut options = File::options();
+                // Nothing of the user's is written over unasked.
+                options.write(true).truncate(self.force).create(self.force).create_new(!self.force);
+                Box::new(options.open(&self.path).map_err(|error| refused(&self.path, &error))?)
+            }
+        };
         let written = Arc::new(AtomicU64::new(0));
         let counted =
             Counted { output: BufWriter::with_capacity(BUFFER, output), written: Arc::clone(&written) };
@@ -194,6 +185,15 @@ impl Output {
             said.push(format!("{} frames in {} files", self.frames, self.parts));
         }
         Ok(said)
+    }
+}
+
+fn refused(path: &Path, error: &io::Error) -> anyhow::Error {
+    let shown = path.display().to_string();
+    let shown = escape(&shown);
+    match error.kind() {
+        io::ErrorKind::AlreadyExists => anyhow::anyhow!("{shown}: is there already; --force writes over it"),
+        _ => anyhow::anyhow!("{shown}: cannot be made: {error}"),
     }
 }
 
