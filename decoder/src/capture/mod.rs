@@ -19,11 +19,14 @@ mod calendar;
 mod candump;
 mod columns;
 mod compression;
+mod csv_write;
+mod elapsed;
 mod holds;
 mod link;
 mod merged;
 mod pcap;
 mod pcapng;
+mod print;
 mod reader;
 mod remark;
 #[cfg(test)]
@@ -39,6 +42,7 @@ use crate::frame::{BusIndex, LinkState, Timestamp};
 pub use batch::{BATCH_FRAMES, Batch, Item};
 pub use candump::TimeStyle;
 pub use compression::{decompress, is_compressed};
+pub use csv_write::WRITABLE as CSV;
 pub use holds::{Directions, ErrorFrames, Holds, Losses};
 pub use link::kernel_frame;
 pub use merged::{Merged, MergedCapture, MergedPosition};
@@ -248,7 +252,7 @@ pub struct Format {
 pub const FORMATS: &[Format] = &[pcapng::FORMAT, pcap::FORMAT, trc::FORMAT, asc::FORMAT, candump::FORMAT];
 
 /// All formats that can be written.
-pub const WRITABLE: &[WritableFormat] = &[candump::WRITABLE, pcapng::WRITABLE];
+pub const WRITABLE: &[WritableFormat] = &[candump::WRITABLE, pcapng::WRITABLE, asc::WRITABLE, trc::WRITABLE];
 
 /// The format that recognises these first bytes.
 pub fn detect(head: &[u8]) -> Option<&'static Format> {

@@ -18,13 +18,17 @@ mod error;
 mod event;
 mod frame;
 mod header;
+mod write;
 
 use event::Content;
 use header::Header;
 
 use super::columns::Base;
 use super::text::{Lines, Step, excerpt};
-use super::{Batch, BusNames, CaptureError, Format, Notice, Parser, Place};
+use super::{
+    Batch, BusNames, CaptureError, Directions, ErrorFrames, Format, Holds, Notice, Parser, Place,
+    WritableFormat,
+};
 use crate::frame::{Frame, Timestamp};
 
 /// Lines at the start among which one must be of the header.
@@ -32,6 +36,22 @@ const DETECTING_LINES: usize = 50;
 
 pub(super) const FORMAT: Format =
     Format { name: "asc", title: "Vector ASC", is_text: true, detect, parser: |_| Box::new(Asc::default()) };
+
+pub(super) const WRITABLE: WritableFormat = WritableFormat {
+    name: FORMAT.name,
+    suffix: "asc",
+    title: FORMAT.title,
+    holds: Holds {
+        untimed: false,
+        backwards: false,
+        errors: ErrorFrames::Violations,
+        directions: Directions::Assumed,
+        bus_names: false,
+        notices: false,
+        ..Holds::ALL
+    },
+    writer: |output, _| Box::new(write::AscWriter::new(output)),
+};
 
 /// A line of the header, whole: of one still coming in, the end may be anything.
 fn detect(head: &[u8]) -> bool {

@@ -12,12 +12,16 @@
 //! what SocketCAN makes of them.
 
 mod line;
+mod write;
 
 use line::{FrameLine, LAYOUTS, Line};
 
 use super::columns::{Words, windows_date};
 use super::text::{Lines, Step, excerpt};
-use super::{Batch, BusNames, CaptureError, Format, Notice, Parser, Place};
+use super::{
+    Batch, BusNames, CaptureError, Directions, ErrorFrames, Format, Holds, Notice, Parser, Place,
+    WritableFormat,
+};
 use crate::frame::{Frame, Timestamp};
 
 /// Comment lines that a heading may have before the first frame.
@@ -28,6 +32,23 @@ const MOST_COLUMNS: usize = 16;
 
 pub(super) const FORMAT: Format =
     Format { name: "trc", title: "PEAK TRC", is_text: true, detect, parser: |_| Box::new(Trc::new()) };
+
+pub(super) const WRITABLE: WritableFormat = WritableFormat {
+    name: FORMAT.name,
+    suffix: "trc",
+    title: FORMAT.title,
+    holds: Holds {
+        resolution: write::MICROSECOND,
+        untimed: false,
+        backwards: false,
+        errors: ErrorFrames::Reports,
+        directions: Directions::Assumed,
+        bus_names: false,
+        notices: false,
+        ..Holds::ALL
+    },
+    writer: |output, _| Box::new(write::TrcWriter::new(output)),
+};
 
 /// A version line, or comments and then a line of version 1.0. PEAK's LIN traces begin alike, but have
 /// a checksum column.
