@@ -19,6 +19,7 @@ mod findings_explained;
 mod formats_candump;
 mod formats_pcap;
 mod formats_text;
+mod formats_write;
 mod fuzz_replay;
 #[path = "../../decoder/fuzz/src/harness/mod.rs"]
 mod harness;

@@ -58,6 +58,11 @@ pub struct Holds {
 }
 
 impl ErrorFrames {
+    /// Whether some of what they say is held.
+    fn is_part(self) -> bool {
+        matches!(self, Self::Violations | Self::Reports)
+    }
+
     /// An error frame as it is read again; none where it is left out. What is held in part has no direction.
     fn kept(self, frame: &Frame) -> Option<Frame> {
         let mark = violation(Violation::Other, false, 0, None);
@@ -147,7 +152,7 @@ impl Holds {
         if !self.raw_dlc {
             kept.raw_dlc = 0;
         }
-        if is_error && matches!(self.errors, ErrorFrames::Violations | ErrorFrames::Reports) {
+        if is_error && self.errors.is_part() {
             return Some(kept);
         }
         let directions = FrameFlags::TRANSMITTED.with(FrameFlags::RECEIVED);
@@ -233,11 +238,7 @@ impl Losses {
         }
         let has_direction = flags.contains(FrameFlags::TRANSMITTED) || flags.contains(FrameFlags::RECEIVED);
         match holds.directions {
-            _ if is_error && matches!(holds.errors, ErrorFrames::Violations | ErrorFrames::Reports) => {
-                if has_direction {
-                    self.count(Loss::Direction);
-                }
-            }
+            _ if is_error && holds.errors.is_part() && has_direction => self.count(Loss::Direction),
             Directions::None if has_direction => self.count(Loss::Direction),
             Directions::Assumed if !has_direction && !is_error => self.count(Loss::DirectionAssumed),
             _ => {}

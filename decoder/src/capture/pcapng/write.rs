@@ -300,8 +300,8 @@ mod tests {
     #[test]
     fn frames_without_time_have_the_time_before() {
         let mut writer = PcapngWriter::new(Vec::new());
-        let timed = Frame { time: Some(Timestamp(5)), ..Frame::EMPTY };
-        for frame in [Frame::EMPTY, timed, Frame::EMPTY] {
+        let later = Frame { time: Some(Timestamp(5)), ..Frame::EMPTY };
+        for frame in [Frame::EMPTY, later, Frame::EMPTY] {
             writer.write(&frame, "can0").unwrap();
         }
         let read = crate::capture::testing::read(&writer.output);
