@@ -67,7 +67,11 @@ pub(super) fn push_hex(line: &mut Vec<u8>, number: u32, is_long: bool) {
 /// Appends a number in hexadecimal without leading zeros; returns how many digits it has.
 #[inline]
 pub(super) fn push_short_hex(line: &mut Vec<u8>, number: u32) -> usize {
-    let digits = (u32::BITS - number.leading_zeros()).div_ceil(4).max(1);
+    if let (0..16, [.., last]) = (number, number.to_be_bytes()) {
+        line.push(digit(last));
+        return 1;
+    }
+    let digits = (u32::BITS - number.leading_zeros()).div_ceil(4);
     let all = number.rotate_right(4 * digits).to_be_bytes().map(pair);
     let count = digits as usize;
     if let Ok(text) = <&[u8; 8]>::try_from(all.as_flattened()) {
@@ -79,6 +83,10 @@ pub(super) fn push_short_hex(line: &mut Vec<u8>, number: u32) -> usize {
 /// Appends a number in decimal, with blanks before it up to `width`.
 #[inline]
 pub(super) fn push_decimal(line: &mut Vec<u8>, mut number: u64, width: usize) {
+    if number < 10 && width <= 1 {
+        line.push(last_digit(number));
+        return;
+    }
     let mut text = [b' '; 20];
     let mut count = 0;
     for slot in text.iter_mut().rev() {
