@@ -20,9 +20,10 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-use cobscope_decoder::capture::{Batch, ReadOptions, Reader};
+use cobscope_decoder::capture::{Batch, ReadOptions, Reader, WRITABLE, WriteOptions};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::Event;
+use cobscope_decoder::frame::Frame;
 use cobscope_decoder::profile::{Catalogue, ProfileError};
 use cobscope_decoder::rules::{Engine as Judging, Judge};
 use cobscope_decoder::session::{AssignedBy, Assignment, Bus, Observer, SessionOptions};
@@ -41,6 +42,9 @@ const OUTPUT: usize = 64 * 1024;
 
 type Outcome = Result<(), Box<dyn std::error::Error>>;
 
+/// Frames that are written over and over: few enough to stay near the processor, so that writing is measured.
+const WRITTEN: usize = 2_048;
+
 /// The captures, all with as many frames.
 struct Captures {
     normal: PathBuf,
@@ -50,6 +54,9 @@ struct Captures {
     pcapng: PathBuf,
     devices: PathBuf,
     engine: PathBuf,
+    frames: usize,
+    /// The first frames of the normal capture.
+    first: Vec<Frame>,
 }
 
 /// What a stage does with the captures.
@@ -64,7 +71,7 @@ struct Stage {
 /// The stage all others are compared with.
 const FLOOR: &str = "newline count";
 
-const STAGES: [(&str, Run); 21] = [
+const STAGES: [(&str, Run); 26] = [
     (FLOOR, |captures| count_newlines(&captures.normal)),
     ("candump, frames only", |captures| read(&captures.normal)),
     ("candump to events", |captures| decode(&captures.normal, &mut ignore)),
@@ -86,6 +93,11 @@ const STAGES: [(&str, Run); 21] = [
     ("pcap to events", |captures| decode(&captures.pcap, &mut ignore)),
     ("pcapng, frames only", |captures| read(&captures.pcapng)),
     ("pcapng to events", |captures| decode(&captures.pcapng, &mut ignore)),
+    ("write candump", |captures| rewrite(captures, "candump")),
+    ("write pcapng", |captures| rewrite(captures, "pcapng")),
+    ("write asc", |captures| rewrite(captures, "asc")),
+    ("write trc", |captures| rewrite(captures, "trc")),
+    ("write csv", |captures| rewrite(captures, "csv")),
 ];
 
 fn main() -> Outcome {
@@ -160,8 +172,11 @@ fn captures(folder: &Path, frames: usize) -> io::Result<Captures> {
     let write = |name: &str, format: Format, options| {
         write(&folder.join(name), format, Machine::new(options).take(frames))
     };
+    let normal_path = write("normal.log", Format::Candump, normal)?;
     Ok(Captures {
-        normal: write("normal.log", Format::Candump, normal)?,
+        frames,
+        first: first(&normal_path)?,
+        normal: normal_path,
         mapped: write("mapped.log", Format::Candump, Options { mapping: true, ..normal })?,
         storm: write("storm.log", Format::Candump, Options { storm: true, ..normal })?,
         pcap: write("normal.pcap", Format::Pcap, normal)?,
@@ -215,6 +230,29 @@ fn read(path: &Path) -> Outcome {
         black_box(batch.frames());
     }
     Ok(())
+}
+
+/// The first frames of a capture.
+fn first(path: &Path) -> io::Result<Vec<Frame>> {
+    let mut reader = Reader::open(File::open(path)?, &ReadOptions::default()).map_err(io::Error::other)?;
+    let (mut batch, mut frames) = (Batch::new(), Vec::new());
+    while frames.len() < WRITTEN && reader.read(&mut batch).map_err(io::Error::other)? {
+        frames.extend_from_slice(batch.frames());
+    }
+    frames.truncate(WRITTEN);
+    Ok(frames)
+}
+
+/// Writes as many frames as the captures have.
+fn rewrite(captures: &Captures, name: &str) -> Outcome {
+    let mut known = WRITABLE.iter();
+    let format = known.find(|format| format.name == name).ok_or("no such format")?;
+    let output = Box::new(BufWriter::with_capacity(OUTPUT, io::sink()));
+    let mut writer = (format.writer)(output, &WriteOptions::default());
+    for frame in captures.first.iter().cycle().take(captures.frames) {
+        writer.write(black_box(frame), "can0")?;
+    }
+    Ok(writer.finish()?)
 }
 
 fn decode(path: &Path, out: &mut dyn Observer) -> Outcome {

@@ -20,6 +20,7 @@ mod formats_candump;
 mod formats_foreign;
 mod formats_pcap;
 mod formats_text;
+mod formats_write;
 mod fuzz_replay;
 #[path = "../../decoder/fuzz/src/harness/mod.rs"]
 mod harness;

@@ -17,6 +17,7 @@ const PROTOCOL: u32 = 0x008;
 const NO_ACKNOWLEDGEMENT: u32 = 0x020;
 const BUS_OFF: u32 = 0x040;
 const BUS_ERROR: u32 = 0x080;
+const RESTARTED: u32 = 0x100;
 const COUNTERS: u32 = 0x200;
 
 /// Protocol violation bit: the error came while this controller was sending.
@@ -121,6 +122,73 @@ pub(super) fn counters(counters: Counters) -> Frame {
     report(0, [0; 6], Some(counters))
 }
 
+/// Bits of byte 2 by what they say, the plainest first. That a bit could not be sent is an error of a bit.
+const VIOLATIONS: [(u8, Violation); 4] =
+    [(0x04, Violation::Stuff), (0x02, Violation::Form), (0x19, Violation::Bit), (0x20, Violation::Overload)];
+
+/// Bits of byte 1 by what they say, the worst first.
+const STATES: [(u8, ControllerState); 4] = [
+    (0x30, ControllerState::Passive),
+    (0x0C, ControllerState::Warning),
+    (0x03, ControllerState::Overrun),
+    (0x40, ControllerState::Active),
+];
+
+/// How the protocol was broken, as an error frame tells it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Broken {
+    /// How.
+    pub(super) kind: Violation,
+    /// While this controller was sending.
+    pub(super) sending: bool,
+    /// Segment code of the place in the frame, 0 if it is not known.
+    pub(super) place: u8,
+}
+
+/// How the protocol was broken, if an error frame is about that.
+pub(super) fn broken(frame: &Frame) -> Option<Broken> {
+    let classes = frame.id.number();
+    if classes & (PROTOCOL | BUS_ERROR | NO_ACKNOWLEDGEMENT) == 0 {
+        return None;
+    }
+    let [_, _, bits, place, ..] = details(frame);
+    let place = if place > 0x1F { 0 } else { place };
+    let sending = bits & WHILE_SENDING != 0;
+    let kind = VIOLATIONS.iter().find(|(known, _)| bits & known != 0).map(|(_, kind)| *kind);
+    Some(match kind {
+        Some(kind) => Broken { kind, sending, place },
+        None if classes & NO_ACKNOWLEDGEMENT == 0 => Broken { kind: Violation::Other, sending, place },
+        // Only who sends misses the acknowledgement, and in one place; drivers often leave both open.
+        None => Broken { kind: Violation::Acknowledgement, sending: true, place: ACKNOWLEDGE_SLOT },
+    })
+}
+
+/// The state of the controller, if an error frame tells it.
+pub(super) fn state(frame: &Frame) -> Option<ControllerState> {
+    let classes = frame.id.number();
+    if classes & BUS_OFF != 0 {
+        return Some(ControllerState::BusOff);
+    }
+    let [_, detail, ..] = details(frame);
+    let state = STATES.iter().find(|(bits, _)| classes & CONTROLLER != 0 && detail & bits != 0);
+    state.map(|(_, state)| *state).or((classes & RESTARTED != 0).then_some(ControllerState::Active))
+}
+
+/// The counters of the controller, if an error frame tells them.
+pub(super) fn counted(frame: &Frame) -> Option<Counters> {
+    let [.., transmit, receive] = details(frame);
+    (frame.id.number() & COUNTERS != 0).then_some(Counters { receive, transmit })
+}
+
+/// The eight bytes of an error frame, zeros where it is shorter.
+fn details(frame: &Frame) -> [u8; 8] {
+    let mut bytes = [0; 8];
+    for (byte, found) in bytes.iter_mut().zip(frame.data()) {
+        *byte = *found;
+    }
+    bytes
+}
+
 fn report(classes: u32, bytes: [u8; 6], counters: Option<Counters>) -> Frame {
     let [b0, b1, b2, b3, b4, b5] = bytes;
     let (classes, transmit, receive) = match counters {
@@ -152,6 +220,41 @@ mod tests {
         assert_eq!(frame.data(), [0, 0, 0x80, 0x19, 0, 0, 0, 0]);
         assert_eq!(violation(Violation::Other, false, ACKNOWLEDGE_SLOT, None).id, CanId::Extended(0x088));
         assert_eq!(violation(Violation::Acknowledgement, true, 0, None).data(), frame.data());
+    }
+
+    #[test]
+    fn what_is_told_is_found_again() {
+        let counters = Counters { receive: 8, transmit: 2 };
+        for (kind, sending, place) in [
+            (Violation::Bit, true, 0x0A),
+            (Violation::Form, false, 0x1B),
+            (Violation::Stuff, false, 0),
+            (Violation::Acknowledgement, true, 0x19),
+            (Violation::Overload, false, 0),
+            (Violation::Other, false, 0x08),
+        ] {
+            let frame = violation(kind, sending, place, Some(counters));
+            assert_eq!(broken(&frame), Some(Broken { kind, sending, place }));
+            assert_eq!((counted(&frame), state(&frame)), (Some(counters), None));
+        }
+        for told in [
+            ControllerState::Active,
+            ControllerState::Warning,
+            ControllerState::Passive,
+            ControllerState::BusOff,
+            ControllerState::Overrun,
+        ] {
+            let frame = controller(told);
+            assert_eq!((state(&frame), broken(&frame), counted(&frame)), (Some(told), None, None));
+        }
+        let short = Frame { flags: FrameFlags::ERROR, ..Frame::data_frame(CanId::extended(0x104), &[0]) };
+        assert_eq!(state(&short), Some(ControllerState::Active), "restarted");
+        let unanswered = Frame::data_frame(CanId::extended(0x20), &[0; 8]);
+        let told = Broken { kind: Violation::Acknowledgement, sending: true, place: 0x19 };
+        assert_eq!(broken(&unanswered), Some(told));
+        // A driver that could not send a recessive bit, and a place no controller codes.
+        let odd = Frame::data_frame(CanId::extended(0x08), &[0, 0, 0x90, 0xFF, 0, 0, 0, 0]);
+        assert_eq!(broken(&odd), Some(Broken { kind: Violation::Bit, sending: true, place: 0 }));
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Calendar dates in captures.
 
+use jiff::Timestamp;
 use jiff::civil::DateTime;
 use jiff::tz::TimeZone;
 
@@ -20,6 +21,13 @@ pub(super) fn utc(date: [i64; 6], nanoseconds: i64) -> Option<i64> {
     i64::try_from(zoned.timestamp().as_nanosecond()).ok()
 }
 
+/// The date of a time in nanoseconds since 1970, read as UTC.
+pub(super) fn date(nanoseconds: i64) -> DateTime {
+    // Every number of nanoseconds is within the years 1677 to 2262.
+    let time = Timestamp::from_nanosecond(nanoseconds.into()).unwrap_or_default();
+    TimeZone::UTC.to_datetime(time)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -29,6 +37,7 @@ mod tests {
         assert_eq!(utc([1970, 1, 1, 0, 0, 1], 5), Some(1_000_000_005));
         // `date -u -d '2015-07-10 08:17:32' +%s`
         assert_eq!(utc([2015, 7, 10, 8, 17, 32], 0), Some(1_436_516_252_000_000_000));
+        assert_eq!(date(1_436_516_252_000_000_005).to_string(), "2015-07-10T08:17:32.000000005");
     }
 
     #[test]

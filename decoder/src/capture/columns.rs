@@ -8,10 +8,10 @@ use nom::{IResult, Parser};
 use crate::frame::{CanId, MAX_DATA};
 
 /// Days from 1899-12-30, where the dates of Windows programs begin, to 1970-01-01.
-const DAYS_BEFORE_1970: i128 = 25_569;
+pub(super) const DAYS_BEFORE_1970: i128 = 25_569;
 
 /// Nanoseconds of a day.
-const DAY: i128 = 86_400 * 1_000_000_000;
+pub(super) const DAY: i128 = 86_400 * 1_000_000_000;
 
 /// Words of a line, blanks and tabs between them.
 #[derive(Debug, Clone, Default)]

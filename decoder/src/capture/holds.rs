@@ -1,6 +1,8 @@
 //! What formats have a place for, and what a capture loses in one that has less.
 
-use super::bus_error::{Violation, violation};
+use super::bus_error::{
+    Broken, ControllerState, Counters, Violation, broken, controller, counted, counters, state, violation,
+};
 use crate::frame::{Frame, FrameFlags, Timestamp};
 
 /// What of error frames a format holds.
@@ -8,6 +10,11 @@ use crate::frame::{Frame, FrameFlags, Timestamp};
 pub enum ErrorFrames {
     /// All that SocketCAN says of them.
     Whole,
+    /// How the protocol was broken, where in the frame, and who was sending; of others that there was one.
+    Violations,
+    /// Either a state of the controller, or how and where the protocol was broken and the error counters (0 where
+    /// they are not known), or these counters alone; of others that there was an error.
+    Reports,
     /// That there was one, without its class and details.
     Mark,
     /// Nothing: they are left out.
@@ -50,6 +57,75 @@ pub struct Holds {
     pub comments: bool,
 }
 
+impl ErrorFrames {
+    /// Whether some of what they say is held.
+    fn is_part(self) -> bool {
+        matches!(self, Self::Violations | Self::Reports)
+    }
+
+    /// An error frame as it is read again; none where it is left out. What is held in part has no direction.
+    fn kept(self, frame: &Frame) -> Option<Frame> {
+        let mark = violation(Violation::Other, false, 0, None);
+        let found = match self {
+            Self::None => return None,
+            Self::Whole => return Some(*frame),
+            Self::Mark => Frame { flags: frame.flags, ..mark },
+            Self::Violations => match broken(frame) {
+                Some(Broken { kind: Violation::Overload, .. }) => {
+                    violation(Violation::Overload, false, 0, None)
+                }
+                Some(Broken { kind, sending, place }) => violation(kind, sending, place, None),
+                None => mark,
+            },
+            Self::Reports => Report::of(frame).frame(),
+        };
+        Some(Frame { number: frame.number, time: frame.time, bus: frame.bus, ..found })
+    }
+}
+
+/// One of the things that lines of [`ErrorFrames::Reports`] say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Report {
+    /// The controller changed its state.
+    State(ControllerState),
+    /// The protocol was broken. It is a bit, its form or its stuffing, or something else at a place.
+    Broken(Broken, Counters),
+    /// The error counters.
+    Counters(Counters),
+}
+
+impl Report {
+    /// What of an error frame can be said: the state first, it is the rarest.
+    pub(super) fn of(frame: &Frame) -> Self {
+        const NONE: Counters = Counters { receive: 0, transmit: 0 };
+        let counters = counted(frame);
+        match (state(frame), broken(frame), counters) {
+            (Some(state), _, _) => Self::State(state),
+            (None, None, Some(counters)) => Self::Counters(counters),
+            (None, found, _) => {
+                let nothing = Broken { kind: Violation::Other, sending: false, place: 0 };
+                let found = found.unwrap_or(nothing);
+                let kind = match found.kind {
+                    kind @ (Violation::Bit | Violation::Form | Violation::Stuff) => kind,
+                    _ => Violation::Other,
+                };
+                Self::Broken(Broken { kind, ..found }, counters.unwrap_or(NONE))
+            }
+        }
+    }
+
+    /// The error frame that is read again.
+    fn frame(self) -> Frame {
+        match self {
+            Self::State(state) => controller(state),
+            Self::Counters(counted) => counters(counted),
+            Self::Broken(Broken { kind, sending, place }, counters) => {
+                violation(kind, sending, place, Some(counters))
+            }
+        }
+    }
+}
+
 impl Holds {
     /// A format that has a place for everything.
     pub const ALL: Self = Self {
@@ -68,19 +144,16 @@ impl Holds {
     /// What of a frame is read again; none where it is left out. Its time is not looked at beyond the resolution.
     pub fn kept(&self, frame: &Frame) -> Option<Frame> {
         let is_error = frame.flags.contains(FrameFlags::ERROR);
-        let is_left_out =
-            is_error && self.errors == ErrorFrames::None || frame.flags.contains(FrameFlags::FD) && !self.fd;
-        if is_left_out {
+        if frame.flags.contains(FrameFlags::FD) && !self.fd {
             return None;
         }
-        let mut kept = *frame;
+        let mut kept = if is_error { self.errors.kept(frame)? } else { *frame };
         kept.time = frame.time.map(|time| self.cut(time));
         if !self.raw_dlc {
             kept.raw_dlc = 0;
         }
-        if is_error && self.errors == ErrorFrames::Mark {
-            let mark = violation(Violation::Other, false, 0, None);
-            (kept.id, kept.length, kept.bytes) = (mark.id, mark.length, mark.bytes);
+        if is_error && self.errors.is_part() {
+            return Some(kept);
         }
         let directions = FrameFlags::TRANSMITTED.with(FrameFlags::RECEIVED);
         match self.directions {
@@ -149,10 +222,10 @@ impl Losses {
             return self.count(Loss::FdFrame);
         }
         if is_error {
-            match holds.errors {
-                ErrorFrames::None => return self.count(Loss::ErrorFrame),
-                ErrorFrames::Mark => self.count(Loss::ErrorDetail),
-                ErrorFrames::Whole => {}
+            let Some(kept) = holds.errors.kept(frame) else { return self.count(Loss::ErrorFrame) };
+            // That is what a mark says of itself: that it knows no more.
+            if holds.errors == ErrorFrames::Mark || (kept.id, kept.data()) != (frame.id, frame.data()) {
+                self.count(Loss::ErrorDetail);
             }
         }
         match frame.time {
@@ -165,6 +238,7 @@ impl Losses {
         }
         let has_direction = flags.contains(FrameFlags::TRANSMITTED) || flags.contains(FrameFlags::RECEIVED);
         match holds.directions {
+            _ if is_error && holds.errors.is_part() && has_direction => self.count(Loss::Direction),
             Directions::None if has_direction => self.count(Loss::Direction),
             Directions::Assumed if !has_direction && !is_error => self.count(Loss::DirectionAssumed),
             _ => {}
@@ -205,6 +279,9 @@ impl Losses {
         for ((loss, text), count) in SAID.iter().zip(self.counts).filter(|(_, count)| *count > 0) {
             all.push(match loss {
                 Loss::Resolution => format!("{count} {text} {}", unit(self.holds.resolution)),
+                Loss::ErrorDetail if self.holds.errors != ErrorFrames::Mark => {
+                    format!("{count} error frames with a part of their class and details only")
+                }
                 _ => format!("{count} {text}"),
             });
         }
@@ -283,6 +360,42 @@ mod tests {
                 "1 notes of lost frames, links and quiet times left out",
             ]
         );
+    }
+
+    #[test]
+    fn error_frames_are_held_in_part() {
+        let error = |class: u32, bytes: [u8; 8]| Frame {
+            flags: FrameFlags::ERROR,
+            ..Frame::data_frame(CanId::extended(class), &bytes)
+        };
+        let violations = Holds { errors: ErrorFrames::Violations, ..Holds::ALL };
+        let reports = Holds { errors: ErrorFrames::Reports, directions: Directions::Assumed, ..Holds::ALL };
+        let mark = error(0x88, [0; 8]);
+        let stuffing = error(0x288, [0, 0, 0x84, 2, 0, 0, 7, 9]);
+        let passive = error(0x204, [0, 0x10, 0, 0, 0, 0, 130, 0]);
+        let overload = error(0x88, [0, 0, 0x20, 3, 0, 0, 0, 0]);
+        let timeout = error(0x001, [0; 8]);
+        let counters = error(0x200, [0, 0, 0, 0, 0, 0, 3, 2]);
+        for (holds, given, kept) in [
+            (violations, stuffing, error(0x88, [0, 0, 0x84, 2, 0, 0, 0, 0])),
+            (violations, passive, mark),
+            (violations, overload, error(0x08, [0, 0, 0x20, 0, 0, 0, 0, 0])),
+            (violations, timeout, mark),
+            (reports, stuffing, stuffing),
+            (reports, passive, error(0x04, [0, 0x30, 0, 0, 0, 0, 0, 0])),
+            (reports, overload, error(0x288, [0, 0, 0, 3, 0, 0, 0, 0])),
+            (reports, timeout, error(0x288, [0; 8])),
+            (reports, counters, counters),
+        ] {
+            let sent = Frame { flags: given.flags.with(FrameFlags::TRANSMITTED), number: 5, ..given };
+            assert_eq!(holds.kept(&sent), Some(Frame { number: 5, ..kept }), "{given:?}");
+            let mut losses = Losses::new(holds);
+            losses.see(&given);
+            let lost = "1 error frames with a part of their class and details only".to_owned();
+            assert_eq!(losses.said(), if given == kept { vec![] } else { vec![lost] });
+            losses.see(&sent);
+            assert_eq!(losses.said().last().unwrap(), "1 frames without being received or sent");
+        }
     }
 
     #[test]

@@ -24,6 +24,7 @@ mod columns;
 mod compression;
 mod crtd;
 mod csv;
+mod elapsed;
 mod holds;
 mod line_format;
 mod link;
@@ -33,6 +34,7 @@ mod microchip;
 mod payload;
 mod pcap;
 mod pcapng;
+mod print;
 mod reader;
 mod remark;
 mod roadster;
@@ -284,6 +286,9 @@ pub const FORMATS: &[Format] = &[
 pub const WRITABLE: &[WritableFormat] = &[
     candump::WRITABLE,
     pcapng::WRITABLE,
+    asc::WRITABLE,
+    trc::WRITABLE,
+    csv::WRITABLE,
     #[cfg(feature = "mcap")]
     mcap::WRITABLE,
 ];

@@ -15,7 +15,7 @@
 //!
 //! Places are the SJA1000's segment codes, which SocketCAN uses too.
 
-use crate::capture::bus_error::{Violation, violation};
+use crate::capture::bus_error::{Broken, Violation, violation};
 use crate::capture::columns::{Base, Words};
 use crate::frame::{Frame, FrameFlags};
 
@@ -120,6 +120,26 @@ fn place(code: u32) -> u8 {
     u8::try_from(code & 0x1F).unwrap_or(0)
 }
 
+/// Appends what stands behind the channel of an error frame: how the protocol was broken, if that is known.
+/// The direction is that of the code: other readers know no word for it here.
+pub(super) fn push(line: &mut Vec<u8>, broken: Option<Broken>) {
+    /// The flag says that `CodeExt` is filled; the rest is not known.
+    const BEHIND_CODE: &str = " Code = 0x0 ID = 0 DLC = 0 Position = 0 Length = 0";
+    let (place, sending, kind) = match broken {
+        Some(Broken { kind: Violation::Overload, .. }) => return line.extend_from_slice(b"OverloadFrame"),
+        Some(Broken { kind, sending, place }) => (place, sending, kind),
+        None => (0, false, Violation::Other),
+    };
+    line.extend_from_slice(b"ErrorFrame");
+    if kind == Violation::Other && place == 0 && !sending {
+        return;
+    }
+    let kind = KINDS.iter().find(|(_, known)| *known == kind).map_or(3, |(code, _)| *code);
+    let side = if sending { 1 << 12 } else { 2 << 12 | 1 << 5 };
+    let code = side | kind << 6 | u32::from(place & 0x1F);
+    line.extend_from_slice(format!("\tFlags = 0x4 CodeExt = 0x{code:04X}{BEHIND_CODE}").as_bytes());
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -155,6 +175,28 @@ mod tests {
         assert_eq!(frame.id, CanId::Extended(0x0A8));
         assert_eq!(frame.data(), [0, 0, 0x80, 0x0A, 0, 0, 0, 0]);
         assert!(frame.flags.contains(FrameFlags::TRANSMITTED));
+    }
+
+    #[test]
+    fn what_is_written_is_read_again() {
+        for kind in [
+            Violation::Bit,
+            Violation::Form,
+            Violation::Stuff,
+            Violation::Checksum,
+            Violation::Acknowledgement,
+            Violation::Other,
+        ] {
+            for (sending, place) in [(false, 0), (true, 0), (false, 0x1F), (true, 0x19)] {
+                let mut line = Vec::new();
+                push(&mut line, Some(Broken { kind, sending, place }));
+                let frame = parse(&line).unwrap();
+                assert_eq!(frame, violation(kind, sending, place, None), "{kind:?} {sending} {place}");
+            }
+        }
+        let mut line = Vec::new();
+        push(&mut line, None);
+        assert_eq!(line, b"ErrorFrame");
     }
 
     #[test]

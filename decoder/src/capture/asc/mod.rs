@@ -18,13 +18,14 @@ mod error;
 mod event;
 mod frame;
 mod header;
+mod write;
 
 use event::Content;
 use header::Header;
 
-use super::Format;
 use super::columns::Base;
 use super::line_format::{Assumptions, Fault, LineFormat, LineParser, Seen};
+use super::{Directions, ErrorFrames, Format, Holds, WritableFormat};
 
 /// Lines at the start among which one must be of the header.
 const DETECTING_LINES: usize = 50;
@@ -35,6 +36,22 @@ pub(super) const FORMAT: Format = Format {
     is_text: true,
     detect,
     parser: |_| Box::new(LineParser::new(Asc::default())),
+};
+
+pub(super) const WRITABLE: WritableFormat = WritableFormat {
+    name: FORMAT.name,
+    suffix: "asc",
+    title: FORMAT.title,
+    holds: Holds {
+        untimed: false,
+        backwards: false,
+        errors: ErrorFrames::Violations,
+        directions: Directions::Assumed,
+        bus_names: false,
+        notices: false,
+        ..Holds::ALL
+    },
+    writer: |output, _| Box::new(write::AscWriter::new(output)),
 };
 
 /// A line of the header, whole: of one still coming in, the end may be anything.

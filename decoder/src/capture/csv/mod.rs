@@ -17,12 +17,15 @@ mod dialect;
 mod field;
 mod number;
 mod row;
+mod write;
 
 use dialect::{Layout, Meaning};
 
 use super::Format;
 use super::columns::Base;
 use super::line_format::{Assumptions, Fault, LineFormat, LineParser, Seen, first_lines};
+
+pub(super) use write::WRITABLE;
 
 /// Lines at the start among which the header must be.
 const DETECTING_LINES: usize = 40;

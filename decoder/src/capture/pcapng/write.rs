@@ -9,10 +9,11 @@
 
 use std::io::{self, Write};
 
-use super::super::writer::FrameWriter;
 use super::COMMENT;
 use crate::capture::Notice;
+use crate::capture::print::{cut, push_start};
 use crate::capture::remark::Remark;
+use crate::capture::writer::FrameWriter;
 use crate::frame::{CanId, Frame, FrameFlags, Timestamp};
 
 const SECTION_HEADER: u32 = 0x0A0D_0D0A;
@@ -30,6 +31,16 @@ const PACKET_FLAGS: u16 = 2;
 const LOST: u16 = 7;
 const END: u16 = 0;
 
+/// Bytes of an option's value at most.
+const LONGEST_OPTION: usize = 65_535;
+
+/// Bytes a packet has before its data, and its block before the packet.
+const PACKET_HEADER: usize = 8;
+const BLOCK_HEADER: usize = 28;
+
+/// Bytes of a classic frame.
+const CLASSIC: usize = 8;
+
 /// Flags of a packet: to this host, from it.
 const INBOUND: u32 = 1;
 const OUTBOUND: u32 = 2;
@@ -44,26 +55,44 @@ const SWITCHED: u8 = 1;
 const PASSIVE: u8 = 2;
 const FD: u8 = 4;
 
-/// Writer of pcapng. It has no packets without time: those of frames without one are stamped 0.
+/// Writer of pcapng. It has no packets without time: those of frames without one have that of the packet before.
+/// Times before 1970 are written as 0: stamps have no sign.
 pub(super) struct PcapngWriter<W> {
     output: W,
+    /// The block being made.
+    block: Vec<u8>,
     /// Name of each interface, and frames lost on it.
     buses: Vec<(String, u64)>,
+    /// Interface of the last frame.
+    last: usize,
     time: Timestamp,
     has_begun: bool,
 }
 
 impl<W: Write> PcapngWriter<W> {
     pub(super) fn new(output: W) -> Self {
-        Self { output, buses: Vec::new(), time: Timestamp::default(), has_begun: false }
+        let block = Vec::with_capacity(256);
+        Self { output, block, buses: Vec::new(), last: 0, time: Timestamp::default(), has_begun: false }
     }
 
-    fn block(&mut self, kind: u32, body: &[u8]) -> io::Result<()> {
-        let length = u32::try_from(body.len() + 12).unwrap_or(u32::MAX);
-        self.output.write_all(&kind.to_le_bytes())?;
-        self.output.write_all(&length.to_le_bytes())?;
-        self.output.write_all(body)?;
-        self.output.write_all(&length.to_le_bytes())
+    /// Begins a block; its length is known at its end.
+    fn open(&mut self, kind: u32) {
+        self.block.clear();
+        self.block.extend_from_slice([kind, 0].map(u32::to_le_bytes).as_flattened());
+    }
+
+    fn put(&mut self, bytes: &[u8]) {
+        self.block.extend_from_slice(bytes);
+    }
+
+    /// Writes the block, which is filled up to four bytes.
+    fn close(&mut self) -> io::Result<()> {
+        let length = u32::try_from(self.block.len().saturating_add(4)).unwrap_or(u32::MAX).to_le_bytes();
+        if let Some(place) = self.block.get_mut(4..8) {
+            place.copy_from_slice(&length);
+        }
+        self.block.extend_from_slice(&length);
+        self.output.write_all(&self.block)
     }
 
     fn begin(&mut self) -> io::Result<()> {
@@ -71,45 +100,89 @@ impl<W: Write> PcapngWriter<W> {
             return Ok(());
         }
         self.has_begun = true;
-        let mut body = BYTE_ORDER.to_le_bytes().to_vec();
-        body.extend_from_slice(&[1, 0, 0, 0]);
+        self.open(SECTION_HEADER);
+        self.put(&BYTE_ORDER.to_le_bytes());
+        self.put(&[1, 0, 0, 0]);
         // The length of the section is not known.
-        body.extend_from_slice(&u64::MAX.to_le_bytes());
-        self.block(SECTION_HEADER, &body)
+        self.put(&u64::MAX.to_le_bytes());
+        self.close()
     }
 
+    #[inline]
     fn interface(&mut self, bus: &str) -> io::Result<u32> {
-        let known = self.buses.iter().position(|(name, _)| name == bus);
-        let index = known.unwrap_or(self.buses.len());
-        if known.is_none() {
-            self.buses.push((bus.to_owned(), 0));
-            let mut body = CAN_SOCKETCAN.to_le_bytes().to_vec();
-            body.extend_from_slice(&[0; 6]);
-            option(&mut body, NAME, bus.as_bytes());
-            option(&mut body, RESOLUTION, &[9]);
-            option(&mut body, END, &[]);
-            self.block(INTERFACE, &body)?;
+        if self.buses.get(self.last).is_none_or(|(name, _)| name != bus) {
+            self.turn_to(bus)?;
         }
-        Ok(u32::try_from(index).unwrap_or(u32::MAX))
+        Ok(u32::try_from(self.last).unwrap_or(u32::MAX))
+    }
+
+    /// Another bus than before; a new one is described.
+    fn turn_to(&mut self, bus: &str) -> io::Result<()> {
+        self.begin()?;
+        if let Some(known) = self.buses.iter().position(|(name, _)| name == bus) {
+            self.last = known;
+            return Ok(());
+        }
+        self.last = self.buses.len();
+        self.buses.push((bus.to_owned(), 0));
+        self.open(INTERFACE);
+        self.put(&CAN_SOCKETCAN.to_le_bytes());
+        self.put(&[0; 6]);
+        option(&mut self.block, NAME, bus.as_bytes());
+        option(&mut self.block, RESOLUTION, &[9]);
+        option(&mut self.block, END, &[]);
+        self.close()
     }
 
     /// What is known of an interface at a time: frames lost so far, and a remark.
     fn statistics(&mut self, bus: &str, time: Timestamp, remark: Option<Remark>) -> io::Result<()> {
-        self.begin()?;
         let interface = self.interface(bus)?;
-        let lost = self.buses.get(interface as usize).map_or(0, |(_, lost)| *lost);
-        let mut body = interface.to_le_bytes().to_vec();
-        for half in halves(time) {
-            body.extend_from_slice(&half.to_le_bytes());
-        }
+        let lost = self.buses.get(self.last).map_or(0, |(_, lost)| *lost);
+        let [high, low] = halves(time);
+        self.open(STATISTICS);
+        self.put([interface, high, low].map(u32::to_le_bytes).as_flattened());
         if let Some(remark) = remark {
-            option(&mut body, COMMENT, remark.text().as_bytes());
+            option(&mut self.block, COMMENT, remark.text().as_bytes());
         }
         if lost > 0 {
-            option(&mut body, LOST, &lost.to_le_bytes());
+            option(&mut self.block, LOST, &lost.to_le_bytes());
         }
-        option(&mut body, END, &[]);
-        self.block(STATISTICS, &body)
+        option(&mut self.block, END, &[]);
+        self.close()
+    }
+
+    fn packet(&mut self, frame: &Frame, bus: &str, comment: Option<&str>) -> io::Result<()> {
+        let interface = self.interface(bus)?;
+        self.time = frame.time.unwrap_or(self.time);
+        let [high, low] = halves(self.time);
+        let data = frame.data().len();
+        let captured = u32::try_from(data + PACKET_HEADER).unwrap_or(u32::MAX);
+        self.block.clear();
+        let header = [PACKET, 0, interface, high, low, captured, captured].map(u32::to_le_bytes);
+        if let Ok(header) = <[u8; BLOCK_HEADER]>::try_from(header.as_flattened()) {
+            self.block.extend_from_slice(&header);
+        }
+        self.block.extend_from_slice(&start_of_packet(frame));
+        match frame.bytes.first_chunk::<CLASSIC>() {
+            Some(bytes) if data <= CLASSIC => push_start(&mut self.block, bytes, data),
+            _ => self.block.extend_from_slice(frame.data()),
+        }
+        push_start(&mut self.block, &[0; 3], data.next_multiple_of(4) - data);
+        if let Some(comment) = comment {
+            option(&mut self.block, COMMENT, cut(comment, LONGEST_OPTION).as_bytes());
+        }
+        let direction = match frame.flags {
+            flags if flags.contains(FrameFlags::TRANSMITTED) => Some(OUTBOUND),
+            flags if flags.contains(FrameFlags::RECEIVED) => Some(INBOUND),
+            _ => None,
+        };
+        if let Some(direction) = direction {
+            option(&mut self.block, PACKET_FLAGS, &direction.to_le_bytes());
+        }
+        if comment.is_some() || direction.is_some() {
+            option(&mut self.block, END, &[]);
+        }
+        self.close()
     }
 }
 
@@ -119,22 +192,18 @@ fn halves(time: Timestamp) -> [u32; 2] {
     [stamp >> 32, stamp & u64::from(u32::MAX)].map(|half| u32::try_from(half).unwrap_or(u32::MAX))
 }
 
-/// Appends an option, padded to four bytes.
+/// Appends an option, padded to four bytes; a value too long for its length is cut.
 fn option(body: &mut Vec<u8>, code: u16, value: &[u8]) {
+    let value = value.get(..LONGEST_OPTION).unwrap_or(value);
     body.extend_from_slice(&code.to_le_bytes());
     body.extend_from_slice(&u16::try_from(value.len()).unwrap_or(u16::MAX).to_le_bytes());
     body.extend_from_slice(value);
-    pad(body);
+    push_start(body, &[0; 3], value.len().next_multiple_of(4) - value.len());
 }
 
-fn pad(body: &mut Vec<u8>) {
-    while !body.len().is_multiple_of(4) {
-        body.push(0);
-    }
-}
-
-/// A frame in SocketCAN's layout.
-fn packet(frame: &Frame) -> Vec<u8> {
+/// What stands before the data in SocketCAN's layout.
+#[inline]
+fn start_of_packet(frame: &Frame) -> [u8; PACKET_HEADER] {
     let flags = frame.flags;
     let mut id = frame.id.number();
     if flags.contains(FrameFlags::ERROR) {
@@ -146,48 +215,29 @@ fn packet(frame: &Frame) -> Vec<u8> {
         id |= REMOTE_FLAG;
     }
     let is_fd = flags.contains(FrameFlags::FD);
-    let fd =
-        [(FrameFlags::FD, FD), (FrameFlags::BIT_RATE_SWITCH, SWITCHED), (FrameFlags::ERROR_STATE, PASSIVE)];
-    let fd = fd.iter().filter(|(flag, _)| is_fd && flags.contains(*flag)).fold(0, |all, (_, bit)| all | bit);
+    let bit = |flag, bit| if is_fd && flags.contains(flag) { bit } else { 0 };
+    let fd = bit(FrameFlags::FD, FD)
+        | bit(FrameFlags::BIT_RATE_SWITCH, SWITCHED)
+        | bit(FrameFlags::ERROR_STATE, PASSIVE);
     let raw_dlc = if is_fd { 0 } else { frame.raw_dlc };
-    let mut bytes = id.to_be_bytes().to_vec();
-    bytes.extend_from_slice(&[frame.length, fd, 0, raw_dlc]);
-    bytes.extend_from_slice(frame.data());
-    bytes
+    let [a, b, c, d] = id.to_be_bytes();
+    [a, b, c, d, frame.length, fd, 0, raw_dlc]
 }
 
 impl<W: Write + Send> FrameWriter for PcapngWriter<W> {
     fn write(&mut self, frame: &Frame, bus: &str) -> io::Result<()> {
-        self.begin()?;
-        let interface = self.interface(bus)?;
-        self.time = frame.time.unwrap_or_default();
-        let [high, low] = halves(self.time);
-        let packet = packet(frame);
-        let length = u32::try_from(packet.len()).unwrap_or(u32::MAX);
-        let mut body = Vec::with_capacity(128);
-        for number in [interface, high, low, length, length] {
-            body.extend_from_slice(&number.to_le_bytes());
-        }
-        body.extend_from_slice(&packet);
-        pad(&mut body);
-        let direction = match frame.flags {
-            flags if flags.contains(FrameFlags::TRANSMITTED) => Some(OUTBOUND),
-            flags if flags.contains(FrameFlags::RECEIVED) => Some(INBOUND),
-            _ => None,
-        };
-        if let Some(direction) = direction {
-            option(&mut body, PACKET_FLAGS, &direction.to_le_bytes());
-            option(&mut body, END, &[]);
-        }
-        self.block(PACKET, &body)
+        self.packet(frame, bus, None)
+    }
+
+    fn write_commented(&mut self, frame: &Frame, bus: &str, comment: &str) -> io::Result<()> {
+        self.packet(frame, bus, Some(comment))
     }
 
     fn notice(&mut self, notice: &Notice, bus: &str) -> io::Result<bool> {
         let (time, remark) = match *notice {
             Notice::LostFrames { count: Some(count), .. } => {
-                self.begin()?;
-                let interface = self.interface(bus)?;
-                if let Some((_, lost)) = self.buses.get_mut(interface as usize) {
+                self.interface(bus)?;
+                if let Some((_, lost)) = self.buses.get_mut(self.last) {
                     *lost = lost.saturating_add(count);
                 }
                 (self.time, None)
@@ -204,5 +254,57 @@ impl<W: Write + Send> FrameWriter for PcapngWriter<W> {
     fn flush(&mut self) -> io::Result<()> {
         self.begin()?;
         self.output.flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_packet_byte_by_byte() {
+        let mut writer = PcapngWriter::new(Vec::new());
+        let frame = Frame {
+            time: Some(Timestamp(0x0102_0304_0506_0708)),
+            flags: FrameFlags::RECEIVED,
+            ..Frame::data_frame(CanId::standard(0x181), &[0xAA, 0xBB, 0xCC])
+        };
+        writer.write(&Frame::EMPTY, "can0").unwrap();
+        let before = writer.output.len();
+        // What lies behind the data means nothing and is not written.
+        writer.write_commented(&Frame { length: 1, ..frame }, "can0", "hé").unwrap();
+        let expected = [
+            &[6, 0, 0, 0, 64, 0, 0, 0, 0, 0, 0, 0][..],
+            &[4, 3, 2, 1, 8, 7, 6, 5, 9, 0, 0, 0, 9, 0, 0, 0],
+            &[0, 0, 1, 0x81, 1, 0, 0, 0, 0xAA, 0, 0, 0],
+            &[1, 0, 3, 0, b'h', 0xC3, 0xA9, 0, 2, 0, 4, 0, 1, 0, 0, 0, 0, 0, 0, 0],
+            &[64, 0, 0, 0],
+        ];
+        assert_eq!(writer.output[before..], expected.concat());
+    }
+
+    #[test]
+    fn a_comment_is_cut_between_characters() {
+        let mut writer = PcapngWriter::new(Vec::new());
+        writer.write(&Frame::EMPTY, "can0").unwrap();
+        let before = writer.output.len();
+        writer.write_commented(&Frame::EMPTY, "can0", &"é".repeat(40_000)).unwrap();
+        // 65,535 is odd, so half a character has no room.
+        assert_eq!(writer.output[before + 36..before + 40], [1, 0, 0xFE, 0xFF]);
+        assert_eq!(writer.output.len() - before, 32 + 8 + 4 + 65_536 + 4);
+        let read = crate::capture::testing::read(&writer.output);
+        assert_eq!(read.frames.len(), 2);
+    }
+
+    #[test]
+    fn frames_without_time_have_the_time_before() {
+        let mut writer = PcapngWriter::new(Vec::new());
+        let later = Frame { time: Some(Timestamp(5)), ..Frame::EMPTY };
+        for frame in [Frame::EMPTY, later, Frame::EMPTY] {
+            writer.write(&frame, "can0").unwrap();
+        }
+        let read = crate::capture::testing::read(&writer.output);
+        let times: Vec<_> = read.frames.iter().filter_map(|frame| frame.time).collect();
+        assert_eq!(times, [0, 5, 5].map(Timestamp));
     }
 }

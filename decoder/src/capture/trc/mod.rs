@@ -12,13 +12,14 @@
 //! what SocketCAN makes of them.
 
 mod line;
+mod write;
 
 use line::{FrameLine, LAYOUTS, Line};
 
-use super::Format;
 use super::columns::{Words, windows_date};
 use super::line_format::{Assumptions, Fault, LineFormat, LineParser, Seen};
 use super::text::excerpt;
+use super::{Directions, ErrorFrames, Format, Holds, WritableFormat};
 
 /// Comment lines that a heading may have before the first frame.
 const DETECTING_LINES: usize = 200;
@@ -32,6 +33,23 @@ pub(super) const FORMAT: Format = Format {
     is_text: true,
     detect,
     parser: |_| Box::new(LineParser::new(Trc::new())),
+};
+
+pub(super) const WRITABLE: WritableFormat = WritableFormat {
+    name: FORMAT.name,
+    suffix: "trc",
+    title: FORMAT.title,
+    holds: Holds {
+        resolution: write::MICROSECOND,
+        untimed: false,
+        backwards: false,
+        errors: ErrorFrames::Reports,
+        directions: Directions::Assumed,
+        bus_names: false,
+        notices: false,
+        ..Holds::ALL
+    },
+    writer: |output, _| Box::new(write::TrcWriter::new(output)),
 };
 
 /// A version line, or comments and then a line of version 1.0. PEAK's LIN traces begin alike, but have
