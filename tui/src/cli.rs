@@ -15,7 +15,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 pub use check::{CheckArgs, FailOn, FindingFormat};
 pub use convert::ConvertArgs;
-pub use decode::{DecodeArgs, Format, Pdo, PrintArgs, TimeColumn};
+pub use decode::{DecodeArgs, Format, Packing, Pdo, PrintArgs, TimeColumn};
 use input::FILTER_HELP;
 pub use input::{FileArg, InputArgs, NodeArg, Protocol, SelectArgs, StampStyle};
 pub use live::LiveArgs;

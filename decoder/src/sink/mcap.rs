@@ -197,6 +197,14 @@ impl<W: Write + Send> Mcap<W> {
         self.file.log(event.time, level, &escape(&line.who), &what)
     }
 
+    /// Ends the present chunk: a reader of the file so far finds all until here.
+    pub fn flush(&mut self) {
+        if self.error.is_none() {
+            let written = self.file.flush();
+            self.keep(written);
+        }
+    }
+
     fn keep(&mut self, written: io::Result<()>) {
         if let Err(error) = written {
             self.error.get_or_insert(error);

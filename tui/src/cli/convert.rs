@@ -1,10 +1,10 @@
 //! `cobscope convert`.
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use cobscope_decoder::query::Filter;
 
 use super::size::bytes;
-use super::{InputArgs, NodeArg};
+use super::{InputArgs, NodeArg, Packing};
 use crate::select::Bound;
 
 /// Help of `--filter`.
@@ -56,25 +56,4 @@ pub struct ConvertArgs {
     /// Write over files that are there
     #[arg(long)]
     pub force: bool,
-}
-
-/// How chunks are packed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Packing {
-    /// Not at all
-    None,
-    /// Quickly
-    Lz4,
-    /// Small
-    Zstd,
-}
-
-impl From<Packing> for cobscope_decoder::capture::Packing {
-    fn from(packing: Packing) -> Self {
-        match packing {
-            Packing::None => Self::None,
-            Packing::Lz4 => Self::Lz4,
-            Packing::Zstd => Self::Zstd,
-        }
-    }
 }

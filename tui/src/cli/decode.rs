@@ -42,6 +42,9 @@ pub struct PrintArgs {
     /// Time column: a(bsolute), d(elta), z(ero: since the first frame), A (date, UTC) (text)
     #[arg(short = 't', value_name = "COLUMN", default_value = "z")]
     pub time_column: TimeColumn,
+    /// How chunks of MCAP are packed
+    #[arg(long, value_name = "METHOD", default_value = "zstd")]
+    pub packing: Packing,
     /// Do not judge: no findings among the events
     #[arg(long)]
     pub no_findings: bool,
@@ -57,8 +60,44 @@ pub enum Format {
     Text,
     /// One JSON object a line
     Jsonl,
+    /// The values of PDOs and messages: a line a value, with units
+    Csv,
+    /// Frames, values, events and log lines for Foxglove and PlotJuggler; wants -o
+    #[cfg(feature = "mcap")]
+    Mcap,
     /// Nothing: reads and decodes only
     None,
+}
+
+impl Format {
+    /// Whether it is not for a terminal.
+    pub fn is_binary(self) -> bool {
+        #[cfg(feature = "mcap")]
+        return self == Self::Mcap;
+        #[cfg(not(feature = "mcap"))]
+        false
+    }
+}
+
+/// How chunks of MCAP are packed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Packing {
+    /// Not at all
+    None,
+    /// Quickly
+    Lz4,
+    /// Small
+    Zstd,
+}
+
+impl From<Packing> for cobscope_decoder::capture::Packing {
+    fn from(packing: Packing) -> Self {
+        match packing {
+            Packing::None => Self::None,
+            Packing::Lz4 => Self::Lz4,
+            Packing::Zstd => Self::Zstd,
+        }
+    }
 }
 
 /// Which PDOs are printed.

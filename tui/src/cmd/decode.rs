@@ -28,6 +28,7 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
             return Exit::Profile;
         }
     };
+    printer.describe(&arguments.input);
     let captures = captures(&arguments.input);
     let several = captures.len() > 1;
     let mut exit = Exit::Clean;
@@ -53,7 +54,7 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
             break;
         }
     }
-    match printer.flush() {
+    match printer.finish() {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
             complain(&anyhow::Error::from(error).context("writing failed"));
             exit.max(Exit::Capture)

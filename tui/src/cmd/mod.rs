@@ -27,7 +27,7 @@ use std::path::Path;
 use std::sync::mpsc::Receiver;
 
 use anyhow::Context as _;
-use cobscope_decoder::capture::{Batch, BusNames, Item};
+use cobscope_decoder::capture::{Batch, BusNames, Item, Notice};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::session::{Observer, SessionOptions};
@@ -108,9 +108,12 @@ trait Watcher: Observer {
     }
 
     /// A frame, before its events; `false` ends the capture before it.
-    fn frame(&mut self, _frame: &Frame) -> bool {
+    fn frame(&mut self, _frame: &Frame, _names: &BusNames) -> bool {
         true
     }
+
+    /// What else the capture tells, before its event.
+    fn notice(&mut self, _notice: &Notice, _names: &BusNames) {}
 }
 
 /// A capture that was decoded as far as it could be read.
@@ -209,7 +212,7 @@ const OUTPUT_BUFFER: usize = 64 * 1024;
 ///
 /// # Errors
 /// When the file cannot be written.
-fn output(path: Option<&Path>) -> anyhow::Result<Box<dyn Write>> {
+fn output(path: Option<&Path>) -> anyhow::Result<Box<dyn Write + Send>> {
     Ok(match path {
         Some(path) => {
             let file =
@@ -218,7 +221,7 @@ fn output(path: Option<&Path>) -> anyhow::Result<Box<dyn Write>> {
         }
         // A pipe or a file takes large pieces; on a terminal each line shows at once.
         None if std::io::stdout().is_terminal() => Box::new(std::io::stdout()),
-        None => Box::new(BufWriter::with_capacity(OUTPUT_BUFFER, std::io::stdout().lock())),
+        None => Box::new(BufWriter::with_capacity(OUTPUT_BUFFER, std::io::stdout())),
     })
 }
 
@@ -239,7 +242,7 @@ fn push_batch(decoder: &mut Decoder, batch: &Batch, names: &BusNames, watcher: &
     let wants_frames = watcher.wants_frames();
     if batch.notices().is_empty() {
         for frame in batch.frames() {
-            if wants_frames && !watcher.frame(frame) {
+            if wants_frames && !watcher.frame(frame, names) {
                 return false;
             }
             decoder.push(frame, names, watcher);
@@ -249,12 +252,15 @@ fn push_batch(decoder: &mut Decoder, batch: &Batch, names: &BusNames, watcher: &
     for item in batch.items() {
         match item {
             Item::Frame(frame) => {
-                if wants_frames && !watcher.frame(frame) {
+                if wants_frames && !watcher.frame(frame, names) {
                     return false;
                 }
                 decoder.push(frame, names, watcher);
             }
-            Item::Notice(notice) => decoder.notice(notice, names, watcher),
+            Item::Notice(notice) => {
+                watcher.notice(notice, names);
+                decoder.notice(notice, names, watcher);
+            }
         }
     }
     true

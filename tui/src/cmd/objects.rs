@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::profile::Value;
@@ -66,7 +67,7 @@ impl Watcher for Until {
         self.at.is_some()
     }
 
-    fn frame(&mut self, frame: &Frame) -> bool {
+    fn frame(&mut self, frame: &Frame, _names: &BusNames) -> bool {
         !self.at.is_some_and(|at| at.is_before(frame, self.first))
     }
 }

@@ -2,16 +2,25 @@
 
 use std::io::{IsTerminal as _, Write};
 use std::sync::Arc;
+#[cfg(feature = "mcap")]
+use std::time::{Duration, Instant};
 
+use anyhow::ensure;
+use cobscope_decoder::capture::{BusNames, Notice};
 use cobscope_decoder::event::{Event, EventKind};
+#[cfg(feature = "mcap")]
+use cobscope_decoder::frame::BusIndex;
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::rules::{Engine, Judge, Setup};
 use cobscope_decoder::session::{Bus, Observer};
+use cobscope_decoder::sink::csv::Csv;
 use cobscope_decoder::sink::jsonl::Jsonl;
+#[cfg(feature = "mcap")]
+use cobscope_decoder::sink::mcap::Mcap;
 use cobscope_decoder::sink::text::{self, PdoLines, Text, TextOptions};
 
 use super::{Watcher, is_colored, output};
-use crate::cli::{Format, Pdo, PrintArgs, SelectArgs, TimeColumn};
+use crate::cli::{Format, InputArgs, Pdo, PrintArgs, SelectArgs, TimeColumn};
 use crate::select::Selection;
 
 /// What judges, where somebody reads it.
@@ -59,14 +68,19 @@ impl Watcher for Judging<'_> {
     }
 
     fn wants_frames(&self) -> bool {
-        self.engine.is_some()
+        self.engine.is_some() || self.printer.wants_frames()
     }
 
-    fn frame(&mut self, frame: &Frame) -> bool {
+    fn frame(&mut self, frame: &Frame, names: &BusNames) -> bool {
+        self.printer.frame(frame, names);
         if let Some(engine) = &mut self.engine {
             engine.frame(frame);
         }
         true
+    }
+
+    fn notice(&mut self, notice: &Notice, names: &BusNames) {
+        self.printer.notice(notice, names);
     }
 }
 
@@ -77,34 +91,64 @@ pub(super) struct Printer {
     pdo: Pdo,
     frames: bool,
     on_terminal: bool,
+    #[cfg(feature = "mcap")]
+    flushed: Instant,
 }
 
+/// Where bytes go.
+type Output = Box<dyn Write + Send>;
+
 enum Sink {
-    Text(Text<Box<dyn Write>>),
-    Jsonl(Jsonl<Box<dyn Write>>),
+    Text(Text<Output>),
+    Jsonl(Jsonl<Output>),
+    Csv(Csv<Output>),
+    #[cfg(feature = "mcap")]
+    Mcap(Box<Mcap<Output>>),
     None,
 }
+
+/// Time between flushes of a format whose pieces are worth more when they are large.
+#[cfg(feature = "mcap")]
+const FLUSH_EVERY: Duration = Duration::from_secs(1);
 
 impl Printer {
     pub(super) fn new(arguments: &PrintArgs, select: &SelectArgs) -> anyhow::Result<Self> {
         let default_pdo = if arguments.format == Format::Text { Pdo::Change } else { Pdo::All };
         let pdo = arguments.pdo.unwrap_or(default_pdo);
         let to = arguments.output.as_deref();
+        ensure!(
+            !arguments.format.is_binary() || to.is_some() || !std::io::stdout().is_terminal(),
+            "this format is not for a terminal; give a file with -o"
+        );
         let sink = match arguments.format {
             Format::None => Sink::None,
             Format::Text => Sink::Text(Text::new(output(to)?, text_options(arguments, pdo))),
             Format::Jsonl => Sink::Jsonl(Jsonl::new(output(to)?)),
+            Format::Csv => Sink::Csv(Csv::new(output(to)?)),
+            #[cfg(feature = "mcap")]
+            Format::Mcap => Sink::Mcap(Box::new(Mcap::new(output(to)?, arguments.packing.into()))),
         };
         let selection = Selection::new(select);
         let prints = arguments.output.is_none() && arguments.format != Format::None;
         let on_terminal = prints && std::io::stdout().is_terminal();
-        Ok(Self { sink, selection, pdo, frames: arguments.frames, on_terminal })
+        Ok(Self {
+            sink,
+            selection,
+            pdo,
+            frames: arguments.frames,
+            on_terminal,
+            #[cfg(feature = "mcap")]
+            flushed: Instant::now(),
+        })
     }
 
     pub(super) fn is_done(&self) -> bool {
         match &self.sink {
             Sink::Text(text) => text.has_failed(),
             Sink::Jsonl(jsonl) => jsonl.has_failed(),
+            Sink::Csv(csv) => csv.has_failed(),
+            #[cfg(feature = "mcap")]
+            Sink::Mcap(mcap) => mcap.has_failed(),
             Sink::None => false,
         }
     }
@@ -121,15 +165,67 @@ impl Printer {
         match &mut self.sink {
             Sink::Text(text) => text.heading(&format!("== {name}")),
             Sink::Jsonl(jsonl) => jsonl.set_capture(Some(name.to_owned())),
-            Sink::None => {}
+            _ => {}
         }
     }
 
+    /// Gives what is held back to whoever reads it.
     pub(super) fn flush(&mut self) -> std::io::Result<()> {
         match &mut self.sink {
             Sink::Text(text) => text.finish(),
             Sink::Jsonl(jsonl) => jsonl.finish(),
+            Sink::Csv(csv) => csv.finish(),
+            #[cfg(feature = "mcap")]
+            Sink::Mcap(mcap) if self.flushed.elapsed() >= FLUSH_EVERY => {
+                self.flushed = Instant::now();
+                mcap.flush();
+                Ok(())
+            }
+            #[cfg(feature = "mcap")]
+            Sink::Mcap(_) => Ok(()),
             Sink::None => Ok(()),
+        }
+    }
+
+    /// Nothing follows.
+    pub(super) fn finish(&mut self) -> std::io::Result<()> {
+        match &mut self.sink {
+            #[cfg(feature = "mcap")]
+            Sink::Mcap(mcap) => mcap.finish(),
+            _ => self.flush(),
+        }
+    }
+
+    /// Whether frames and notices are written too.
+    pub(super) fn wants_frames(&self) -> bool {
+        #[cfg(feature = "mcap")]
+        return matches!(self.sink, Sink::Mcap(_));
+        #[cfg(not(feature = "mcap"))]
+        false
+    }
+
+    #[cfg_attr(not(feature = "mcap"), expect(unused_variables, reason = "no format writes frames"))]
+    pub(super) fn frame(&mut self, frame: &Frame, names: &BusNames) {
+        #[cfg(feature = "mcap")]
+        if let Sink::Mcap(mcap) = &mut self.sink {
+            mcap.frame(frame, name_of(names, frame.bus));
+        }
+    }
+
+    #[cfg_attr(not(feature = "mcap"), expect(unused_variables, reason = "no format writes notices"))]
+    pub(super) fn notice(&mut self, notice: &Notice, names: &BusNames) {
+        #[cfg(feature = "mcap")]
+        if let Sink::Mcap(mcap) = &mut self.sink {
+            mcap.notice(notice, name_of(names, notice.bus()));
+        }
+    }
+
+    /// Puts the files of the user beside what is written, and what wrote it, where the format has a place for that.
+    #[cfg_attr(not(feature = "mcap"), expect(unused_variables, reason = "no format has a place for it"))]
+    pub(super) fn describe(&mut self, input: &InputArgs) {
+        #[cfg(feature = "mcap")]
+        if let Sink::Mcap(mcap) = &mut self.sink {
+            attach(mcap, input);
         }
     }
 
@@ -157,18 +253,42 @@ impl Observer for Printer {
         if matches!(self.sink, Sink::None) || !self.selection.admits(event, bus) {
             return;
         }
+        if let Sink::Text(text) = &mut self.sink {
+            return text.write(event, bus);
+        }
+        if !self.is_wanted(event) {
+            return;
+        }
         match &mut self.sink {
-            Sink::Text(text) => text.write(event, bus),
-            Sink::None => {}
-            Sink::Jsonl(_) => {
-                if self.is_wanted(event)
-                    && let Sink::Jsonl(jsonl) = &mut self.sink
-                {
-                    jsonl.write(event, bus);
-                }
-            }
+            Sink::Jsonl(jsonl) => jsonl.write(event, bus),
+            Sink::Csv(csv) => csv.write(event, bus),
+            #[cfg(feature = "mcap")]
+            Sink::Mcap(mcap) => mcap.write(event, bus),
+            Sink::Text(_) | Sink::None => {}
         }
     }
+}
+
+#[cfg(feature = "mcap")]
+fn name_of(names: &BusNames, bus: BusIndex) -> &str {
+    names.names().get(usize::from(bus.0)).map_or("", String::as_str)
+}
+
+/// The files that say what is known of the buses, as they are, and which program and profiles understood them.
+#[cfg(feature = "mcap")]
+fn attach(mcap: &mut Mcap<Output>, input: &InputArgs) {
+    const TOML: &str = "application/toml";
+    const TEXT: &str = "text/plain";
+    let files = input.bus.iter().map(|path| (path, TOML));
+    let files = files.chain(input.dbc.iter().map(|path| (path, TEXT)));
+    for (path, media_type) in files.chain(input.eds.iter().map(|arg| (&arg.file, TEXT))) {
+        // Files that cannot be read were refused before.
+        if let (Ok(bytes), Some(name)) = (std::fs::read(path), path.file_name()) {
+            mcap.attach(&name.to_string_lossy(), media_type, &bytes);
+        }
+    }
+    let version = ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned());
+    mcap.describe("cobscope", std::collections::BTreeMap::from([version]));
 }
 
 fn text_options(arguments: &PrintArgs, pdo: Pdo) -> TextOptions {

@@ -104,7 +104,12 @@ impl Part {
 
     /// Bytes its file has when all is written.
     pub(super) fn full_length(&self) -> u64 {
-        self.length.saturating_add(self.held() as u64)
+        self.length.saturating_add(self.held() as u64).saturating_add(self.writer.pending())
+    }
+
+    /// Whether its format gathers records, so that none can be taken back.
+    pub(super) fn gathers(&self) -> bool {
+        self.writer.pending() > 0
     }
 
     /// Adds an item, which is held until it is written; gives it back where the format has no place for it.
@@ -128,6 +133,9 @@ impl Part {
 
     /// Takes the last item back if it is held.
     pub(super) fn undo(&mut self) -> Option<Item> {
+        if self.gathers() {
+            return None;
+        }
         let (_, item) = self.records.pop()?;
         self.held_length = self.records.last().map_or(0, |(end, _)| *end);
         self.held.lock().truncate(self.held_length);
@@ -141,8 +149,12 @@ impl Part {
         if let Err(error) = self.writer.flush() {
             return Written { failure: Some(error), ..Written::default() };
         }
-        self.held_length = 0;
+        let known = std::mem::take(&mut self.held_length);
         let bytes = std::mem::take(&mut *self.held.lock());
+        if bytes.len() > known {
+            // What was gathered until now is there as a whole or not at all.
+            self.records.iter_mut().for_each(|(end, _)| *end = bytes.len());
+        }
         if bytes.is_empty() {
             return Written::default();
         }

@@ -25,6 +25,9 @@ pub(super) const RETRY_AFTER: Duration = Duration::from_secs(5);
 /// Bytes held before they are written.
 const CHUNK: usize = 64 * 1024;
 
+/// Bytes of one more frame at most, in a format that gathers them.
+const LARGEST_FRAME: u64 = 256;
+
 /// Names that are taken by others which are passed by when a part begins.
 const TAKEN: u32 = 1_000;
 
@@ -136,6 +139,14 @@ impl Parts {
     /// Adds an item to the part there is, or to the next one if it is too much for this one.
     fn record(&mut self, item: Item, buses: &[String]) {
         let begins = item.is_frame();
+        if begins && self.part.as_ref().is_some_and(|part| part.gathers() && self.is_nearly_full(part)) {
+            if self.end() && self.begin(buses) {
+                self.push(item, buses);
+            } else {
+                self.miss(item);
+            }
+            return;
+        }
         self.push(item, buses);
         let too_much = |part: &Part| part.full_length() > self.limits.bytes && part.frames() > 1;
         if begins
@@ -151,6 +162,11 @@ impl Parts {
         if self.part.as_ref().is_some_and(|part| part.held() >= CHUNK) {
             self.write_out();
         }
+    }
+
+    /// Whether the next frame may be too much.
+    fn is_nearly_full(&self, part: &Part) -> bool {
+        part.frames() > 0 && part.full_length().saturating_add(LARGEST_FRAME) > self.limits.bytes
     }
 
     fn push(&mut self, item: Item, buses: &[String]) {

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::available_parallelism;
 
-use cobscope_decoder::capture::{Batch, CaptureError, is_compressed};
+use cobscope_decoder::capture::{Batch, BusNames, CaptureError, is_compressed};
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::rules::{Engine, Setup};
@@ -173,7 +173,7 @@ impl Watcher for Watch {
         true
     }
 
-    fn frame(&mut self, frame: &Frame) -> bool {
+    fn frame(&mut self, frame: &Frame, _names: &BusNames) -> bool {
         self.last = frame.time;
         self.engine.frame(frame);
         true

@@ -186,6 +186,7 @@ impl Watch {
             match item {
                 Arrival::Frame(frame) => self.frame(&frame),
                 Arrival::Notice(notice) => {
+                    self.looker.printer.notice(&notice, &self.names);
                     self.decoder.notice(&notice, &self.names, &mut self.looker);
                     self.looker.advance(self.decoder.buses());
                 }
@@ -203,6 +204,7 @@ impl Watch {
             self.looker.begin(&frame);
         }
         self.last = frame.time.or(self.last);
+        self.looker.printer.frame(&frame, &self.names);
         if let Some(engine) = &mut self.looker.engine {
             engine.frame(&frame);
         }
@@ -215,11 +217,11 @@ impl Watch {
         let Looker { engine, mut printer, .. } = self.looker;
         let Some(engine) = engine else {
             // A closed pipe is no failure.
-            let _ = printer.flush();
+            let _ = printer.finish();
             return Exit::Clean;
         };
         let findings = engine.finish(self.decoder.buses(), &mut printer);
-        let _ = printer.flush();
+        let _ = printer.finish();
         if !arguments.check {
             return Exit::Clean;
         }

@@ -4,6 +4,7 @@ mod j1939;
 mod json;
 mod text;
 
+use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Frame;
@@ -64,7 +65,7 @@ impl Watcher for Counting {
         true
     }
 
-    fn frame(&mut self, frame: &Frame) -> bool {
+    fn frame(&mut self, frame: &Frame, _names: &BusNames) -> bool {
         self.0.frame(frame);
         true
     }

@@ -5,6 +5,7 @@ mod json;
 use std::fmt::Write as _;
 
 use anyhow::ensure;
+use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::session::{Bus, Observer};
@@ -92,7 +93,7 @@ impl Watcher for Watch {
         self.at.is_some()
     }
 
-    fn frame(&mut self, frame: &Frame) -> bool {
+    fn frame(&mut self, frame: &Frame, _names: &BusNames) -> bool {
         !self.at.is_some_and(|at| at.is_before(frame, self.first))
     }
 }
