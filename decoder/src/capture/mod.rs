@@ -42,8 +42,8 @@ pub use merged::{Merged, MergedCapture, MergedPosition};
 pub use reader::{Position, Reader};
 pub use writer::{FrameWriter, WritableFormat};
 
-/// Input a parser may be asked to look at before it must take some: longer lines and records are
-/// skipped by it piece by piece.
+/// Input a parser may be asked to look at before it must take some, unless it says otherwise
+/// ([`Parser::largest`]): longer lines and records are skipped by it piece by piece.
 pub const LARGEST_RECORD: usize = 128 * 1024;
 
 /// How many buses one capture may name; frames of further ones are unreadable.
@@ -208,12 +208,18 @@ pub trait Parser: Send + Sync {
     /// Takes frames from the front of `input` into `batch` until either runs out; returns how many
     /// bytes it took. `at_end` says that nothing follows `input`.
     ///
-    /// Taking nothing asks for more input; given [`LARGEST_RECORD`] bytes, or `at_end` with any, it
-    /// takes some.
+    /// Taking nothing and giving nothing asks for more input; given [`Parser::largest`] bytes, or `at_end`
+    /// with any, it takes or gives some. A parser of containers takes one only when all that is in it has
+    /// been given: meanwhile it gives frames and takes nothing, and is called again with the same bytes.
     ///
     /// # Errors
     /// Only where no later byte can be read either.
     fn parse(&mut self, input: &[u8], at_end: bool, batch: &mut Batch) -> Result<usize, CaptureError>;
+
+    /// Bytes it may need to see at once before it takes some.
+    fn largest(&self) -> usize {
+        LARGEST_RECORD
+    }
 
     /// Buses seen so far.
     fn buses(&self) -> &BusNames;
@@ -223,7 +229,8 @@ pub trait Parser: Send + Sync {
         None
     }
 
-    /// A copy at the same place.
+    /// A copy at the same place. It is kept for every place that is returned to, so it is small: what can
+    /// be made again of the bytes not taken yet is not in it.
     fn clone_box(&self) -> Box<dyn Parser>;
 }
 

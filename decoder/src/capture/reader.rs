@@ -111,12 +111,25 @@ impl<R: Read> Reader<R> {
             self.end -= self.start;
             self.start = 0;
         }
+        if self.end == self.buffer.len() {
+            self.grow();
+        }
         let room = self.buffer.get_mut(self.end..).unwrap_or_default();
         match fill(&mut self.source, room)? {
             0 => self.at_end = true,
             count => self.end += count,
         }
         Ok(())
+    }
+
+    /// Makes room in a full buffer, up to what the parser may need to see at once. It grows only with bytes
+    /// that have really come, whatever size the capture claims.
+    fn grow(&mut self) {
+        let limit = self.parser.largest().saturating_add(CHUNK);
+        let size = self.buffer.len().saturating_mul(2).min(limit);
+        if size > self.buffer.len() {
+            self.buffer.resize(size, 0);
+        }
     }
 
     /// Buses seen so far.
@@ -146,7 +159,7 @@ impl<R: Read> Reader<R> {
 }
 
 /// One `read`, repeated when a signal interrupts it. A full buffer reads as the end: parsers take
-/// something of [`LARGEST_RECORD`] bytes, so it does not happen before the end.
+/// something of [`Parser::largest`] bytes, so it does not happen before the end.
 fn fill(source: &mut impl Read, room: &mut [u8]) -> Result<usize, CaptureError> {
     loop {
         match source.read(room) {
@@ -164,4 +177,88 @@ fn unrecognised(head: &[u8]) -> CaptureError {
     let known = FORMATS.iter().map(|format| format.title).collect::<Vec<_>>().join(", ");
     let found = head.get(..24).unwrap_or(head).escape_ascii().to_string();
     CaptureError::Unrecognised { known, found: format!("\"{found}\"") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::{CanId, Frame};
+
+    /// Reads containers of `size` bytes: a frame for each 1,000 bytes, two a call.
+    #[derive(Clone)]
+    struct Containers {
+        size: usize,
+        given: usize,
+        buses: BusNames,
+    }
+
+    impl Parser for Containers {
+        fn parse(&mut self, input: &[u8], at_end: bool, batch: &mut Batch) -> Result<usize, CaptureError> {
+            assert!(input.len() <= self.largest().max(LARGEST_RECORD) + CHUNK);
+            if input.len() < self.size {
+                return Ok(if at_end { input.len() } else { 0 });
+            }
+            if self.given * 1_000 >= self.size {
+                self.given = 0;
+                return Ok(self.size);
+            }
+            for _ in 0..2 {
+                let byte = input[self.given * 1_000];
+                self.given += 1;
+                batch.push(Frame::data_frame(CanId::standard(byte.into()), &[]));
+            }
+            Ok(0)
+        }
+
+        fn largest(&self) -> usize {
+            self.size
+        }
+
+        fn buses(&self) -> &BusNames {
+            &self.buses
+        }
+
+        fn clone_box(&self) -> Box<dyn Parser> {
+            Box::new(self.clone())
+        }
+    }
+
+    fn start(size: usize) -> Position {
+        let parser = Box::new(Containers { size, given: 0, buses: BusNames::default() });
+        Position { offset: 0, format: &FORMATS[0], parser }
+    }
+
+    fn ids(reader: &mut Reader<&[u8]>) -> Vec<u32> {
+        let mut batch = Batch::new();
+        let mut ids = Vec::new();
+        while reader.read(&mut batch).unwrap() {
+            ids.extend(batch.frames().iter().map(|frame| frame.id.number()));
+        }
+        ids
+    }
+
+    #[test]
+    fn the_buffer_grows_to_a_container_and_no_further() {
+        let bytes: Vec<u8> = (0..6_000_u32).flat_map(|n| [(n % 251) as u8; 1_000]).collect();
+        let mut reader = Reader::resume(&bytes[..], &start(2_000_000));
+        let expected: Vec<u32> = (0..6_000).map(|n| n % 251).collect();
+        assert_eq!(ids(&mut reader), expected);
+        assert_eq!(reader.offset(), 6_000_000);
+        assert!(reader.buffer.len() <= 2_000_000 + CHUNK, "{}", reader.buffer.len());
+        let mut reader = Reader::resume(&bytes[..], &start(100_000));
+        assert_eq!(ids(&mut reader), expected);
+        assert_eq!(reader.buffer.len(), CHUNK + LARGEST_RECORD, "a small container needs no more");
+    }
+
+    #[test]
+    fn a_place_inside_a_container_is_that_of_its_beginning() {
+        let bytes: Vec<u8> = (0..6_u8).flat_map(|n| [n; 1_000]).collect();
+        let mut reader = Reader::resume(&bytes[..], &start(6_000));
+        let mut batch = Batch::new();
+        assert!(reader.read(&mut batch).unwrap());
+        let position = reader.position();
+        assert_eq!(position.offset, 0);
+        assert_eq!(ids(&mut Reader::resume(&bytes[..], &position)), [2, 3, 4, 5]);
+        assert_eq!(ids(&mut reader), [2, 3, 4, 5]);
+    }
 }

@@ -1,8 +1,6 @@
 //! Readers: what `capture::Parser` promises, and that the pieces bytes come in do not matter.
 
-use cobscope_decoder::capture::{
-    Batch, FORMATS, Format, LARGEST_RECORD, MAX_BUSES, Notice, Parser, ReadOptions,
-};
+use cobscope_decoder::capture::{Batch, FORMATS, Format, MAX_BUSES, Notice, Parser, ReadOptions};
 use cobscope_decoder::frame::{Frame, FrameFlags, MAX_DATA};
 
 /// All that a parser gave.
@@ -51,7 +49,7 @@ pub fn parse(parser: &mut dyn Parser, data: &[u8], mut piece: impl FnMut() -> us
             }
         };
         assert!(taken <= input.len(), "took {taken} of {}", input.len());
-        if batch.is_empty() && !input.is_empty() && (at_end || input.len() >= LARGEST_RECORD) {
+        if batch.is_empty() && !input.is_empty() && (at_end || input.len() >= parser.largest()) {
             assert!(taken > 0, "took nothing of {} bytes, end: {at_end}", input.len());
         }
         add(&mut content, &batch);
