@@ -16,6 +16,7 @@ mod expected;
 mod fields;
 mod filters;
 mod findings_explained;
+mod formats_blf;
 mod formats_candump;
 mod formats_pcap;
 mod formats_text;

@@ -13,12 +13,14 @@
 pub mod adapter;
 mod asc;
 mod batch;
+mod blf;
 mod bus_error;
 mod byte_order;
 mod calendar;
 mod candump;
 mod columns;
 mod compression;
+mod inflate;
 mod link;
 mod merged;
 mod pcap;
@@ -249,7 +251,8 @@ pub struct Format {
 }
 
 /// All formats, binary before text, strict before lenient: the first that recognises a capture reads it.
-pub const FORMATS: &[Format] = &[pcapng::FORMAT, pcap::FORMAT, trc::FORMAT, asc::FORMAT, candump::FORMAT];
+pub const FORMATS: &[Format] =
+    &[pcapng::FORMAT, pcap::FORMAT, blf::FORMAT, trc::FORMAT, asc::FORMAT, candump::FORMAT];
 
 /// All formats that can be written.
 pub const WRITABLE: &[WritableFormat] = &[candump::WRITABLE, pcapng::WRITABLE];

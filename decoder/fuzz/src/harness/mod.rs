@@ -44,6 +44,7 @@ pub const TARGETS: &[Target] = &[
     ("asc", asc),
     ("pcap", pcap),
     ("pcapng", pcapng),
+    ("blf", blf),
     ("slcan", slcan),
     ("socketcand", socketcand),
     ("any", any),
@@ -90,4 +91,9 @@ pub fn pcap(data: &[u8]) {
 /// The pcapng reader.
 pub fn pcapng(data: &[u8]) {
     reader::holds_its_contract("pcapng", data);
+}
+
+/// The BLF reader.
+pub fn blf(data: &[u8]) {
+    reader::holds_its_contract("blf", data);
 }
