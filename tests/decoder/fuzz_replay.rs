@@ -30,7 +30,7 @@ fn kept_inputs_of_every_target() {
 /// Whatever a capture is, every reader gets it, not only the one that recognises it.
 #[test]
 fn malformed_captures_through_every_reader() {
-    let readers = ["candump", "trc", "asc", "pcap", "pcapng", "blf"];
+    let readers = ["candump", "trc", "asc", "pcap", "pcapng", "blf", "mdf4"];
     for entry in fs::read_dir(workspace().join("fixtures/malformed")).unwrap() {
         let path = entry.unwrap().path();
         for (name, target) in TARGETS {

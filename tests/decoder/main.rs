@@ -18,6 +18,7 @@ mod filters;
 mod findings_explained;
 mod formats_blf;
 mod formats_candump;
+mod formats_mdf4;
 mod formats_pcap;
 mod formats_text;
 mod fuzz_replay;

@@ -22,6 +22,7 @@ mod columns;
 mod compression;
 mod inflate;
 mod link;
+mod mdf4;
 mod merged;
 mod pcap;
 mod pcapng;
@@ -252,7 +253,7 @@ pub struct Format {
 
 /// All formats, binary before text, strict before lenient: the first that recognises a capture reads it.
 pub const FORMATS: &[Format] =
-    &[pcapng::FORMAT, pcap::FORMAT, blf::FORMAT, trc::FORMAT, asc::FORMAT, candump::FORMAT];
+    &[pcapng::FORMAT, pcap::FORMAT, blf::FORMAT, mdf4::FORMAT, trc::FORMAT, asc::FORMAT, candump::FORMAT];
 
 /// All formats that can be written.
 pub const WRITABLE: &[WritableFormat] = &[candump::WRITABLE, pcapng::WRITABLE];

@@ -45,6 +45,7 @@ pub const TARGETS: &[Target] = &[
     ("pcap", pcap),
     ("pcapng", pcapng),
     ("blf", blf),
+    ("mdf4", mdf4),
     ("slcan", slcan),
     ("socketcand", socketcand),
     ("any", any),
@@ -96,4 +97,9 @@ pub fn pcapng(data: &[u8]) {
 /// The BLF reader.
 pub fn blf(data: &[u8]) {
     reader::holds_its_contract("blf", data);
+}
+
+/// The MDF4 reader.
+pub fn mdf4(data: &[u8]) {
+    reader::holds_its_contract("mdf4", data);
 }

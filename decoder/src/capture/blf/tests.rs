@@ -1,3 +1,5 @@
+//! Captures made here, byte by byte.
+
 use super::*;
 use crate::capture::testing::{read, read_in_pieces};
 use crate::capture::{ReadOptions, Reader};
