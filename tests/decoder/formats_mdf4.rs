@@ -5,8 +5,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use cobscope_decoder::frame::{FrameFlags, Timestamp};
+use proptest::prelude::*;
 
 use crate::formats_pcap::{Content, columns, corpus_file, read, read_file};
+use crate::harness::reader::holds_its_contract;
 use crate::support::{python, skip, workspace};
 
 /// Captures, their frames, and when they begin, in nanoseconds since 1970.
@@ -183,5 +185,31 @@ fn an_mdf4_capture_with_a_wrong_bit_keeps_what_is_before() {
         }
         assert!(changed > 0);
         assert_eq!(silent, 0, "{name}: frames are missing and nothing is said");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 2_000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn recorders_captures_with_any_bytes_changed_hold_what_readers_promise(
+        name in prop::sample::select(vec!["stored.blf", "zlib.blf", "sorted.mf4", "unsorted.mf4"]),
+        edits in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
+        numbers in prop::collection::vec((any::<prop::sample::Index>(), 0..12_000_u64), 0..3),
+        end in any::<prop::sample::Index>(),
+    ) {
+        let mut bytes = fixture(name);
+        for (at, byte) in edits {
+            let at = at.index(bytes.len());
+            bytes[at] = byte;
+        }
+        // Links and sizes stand at multiples of four.
+        for (at, number) in numbers {
+            let at = at.index(bytes.len() / 4 - 2) * 4;
+            bytes[at..at + 8].copy_from_slice(&number.to_le_bytes());
+        }
+        bytes.truncate(end.index(bytes.len() * 2));
+        let format = if name.ends_with("blf") { "blf" } else { "mdf4" };
+        holds_its_contract(format, &bytes);
     }
 }

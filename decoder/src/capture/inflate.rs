@@ -2,6 +2,7 @@
 
 /// What became of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(not(feature = "gzip"), expect(dead_code, reason = "callers say so in either build"))]
 pub(super) enum Inflated {
     /// It ended after so many of its bytes.
     Whole(usize),

@@ -80,6 +80,16 @@ impl Container {
         self.damage.get_or_insert(damage);
     }
 
+    /// Its content is whole after so many bytes. If its size is another one, what follows is not lost.
+    fn ends_after(&mut self, head: Head, length: usize) {
+        let is_cut = self.length < head.size;
+        if is_cut || self.length.saturating_sub(length) > FILL {
+            self.damage =
+                Some(format!("a container of {} bytes whose content ends after {length}", head.size));
+            (self.is_broken, self.length) = (false, length);
+        }
+    }
+
     fn inflate(
         &mut self,
         head: Head,
@@ -88,17 +98,7 @@ impl Container {
         offset: u64,
     ) -> Result<(), CaptureError> {
         match inflate(content, &mut self.bytes, LARGEST_CONTENT) {
-            Inflated::Whole(taken) => {
-                let length = Self::before(head) + taken;
-                let is_cut = self.length < head.size;
-                // Its size can be wrong and its content whole: then what follows is not lost.
-                if is_cut || self.length - length > FILL {
-                    let claim = head.size;
-                    self.damage =
-                        Some(format!("a container of {claim} bytes whose content ends after {length}"));
-                    (self.is_broken, self.length) = (false, length);
-                }
-            }
+            Inflated::Whole(taken) => self.ends_after(head, Self::before(head).saturating_add(taken)),
             Inflated::CutOff if content.is_empty() && size == Some(0) => {}
             Inflated::CutOff => self.broken("the content of a container ends too early".into()),
             Inflated::Damaged => {
