@@ -45,14 +45,14 @@ const CONVERTED: &str = "formats/mdf4-converters__multiple_CAN.pcap";
 const SAME_AS_TEXT: &str = "formats/mdf4-converters__multiple_CAN.log";
 
 #[derive(Debug, Default, PartialEq)]
-struct Content {
-    format: &'static str,
-    frames: Vec<Frame>,
-    notices: Vec<Notice>,
-    buses: Vec<String>,
+pub struct Content {
+    pub format: &'static str,
+    pub frames: Vec<Frame>,
+    pub notices: Vec<Notice>,
+    pub buses: Vec<String>,
 }
 
-fn read(source: impl Read) -> Result<Content, CaptureError> {
+pub fn read(source: impl Read) -> Result<Content, CaptureError> {
     let mut reader = Reader::open(source, &ReadOptions::default())?;
     let (mut batch, mut content) =
         (Batch::new(), Content { format: reader.format().name, ..Content::default() });
@@ -64,11 +64,11 @@ fn read(source: impl Read) -> Result<Content, CaptureError> {
     Ok(content)
 }
 
-fn read_file(path: &Path) -> Content {
+pub fn read_file(path: &Path) -> Content {
     read(decompress(BufReader::new(File::open(path).unwrap())).unwrap()).unwrap()
 }
 
-fn corpus_file(name: &str) -> Option<PathBuf> {
+pub fn corpus_file(name: &str) -> Option<PathBuf> {
     let path = corpus().join(name);
     if !path.exists() {
         skip("corpus", &format!("{} is missing", path.display()));
@@ -78,7 +78,7 @@ fn corpus_file(name: &str) -> Option<PathBuf> {
 }
 
 /// A frame in the columns of `frames_tshark.py`.
-fn columns(frame: &Frame, buses: &[String]) -> String {
+pub fn columns(frame: &Frame, buses: &[String]) -> String {
     let is = |flag| frame.flags.contains(flag);
     let is_extended = matches!(frame.id, CanId::Extended(_));
     let letters: String = [
@@ -103,7 +103,7 @@ fn columns(frame: &Frame, buses: &[String]) -> String {
 }
 
 /// What tshark reads; `None` if it is not there.
-fn tshark(path: &Path, swap_identifiers: bool) -> Option<Vec<String>> {
+pub fn tshark(path: &Path, swap_identifiers: bool) -> Option<Vec<String>> {
     if Command::new("tshark").arg("-v").output().is_err() {
         skip("tshark", "the program is missing");
         return None;
@@ -122,7 +122,8 @@ fn tshark(path: &Path, swap_identifiers: bool) -> Option<Vec<String>> {
         assert!(made.success());
         command.env("TSHARK", program);
     }
-    let output = command.output().unwrap();
+    // It takes the dates of BLF for local ones.
+    let output = command.env("TZ", "UTC").output().unwrap();
     assert!(output.status.success(), "{}: {}", path.display(), String::from_utf8_lossy(&output.stderr));
     Some(String::from_utf8(output.stdout).unwrap().lines().map(str::to_owned).collect())
 }

@@ -284,7 +284,7 @@ fn rest(reader: &mut Reader<impl Read>) -> Content {
 
 #[test]
 fn pieces_of_any_size_read_as_the_whole() {
-    for (name, bytes) in ["dialects", "canopen", "malformed"].into_iter().flat_map(fixtures) {
+    for (name, bytes) in ["dialects", "canopen", "malformed", "recorders"].into_iter().flat_map(fixtures) {
         let format = Reader::open(&bytes[..], &ReadOptions::default()).unwrap().format();
         let parse = |piece: &mut dyn FnMut() -> usize| {
             reader::parse(&mut *(format.parser)(&ReadOptions::default()), &bytes, piece)
@@ -300,7 +300,7 @@ fn pieces_of_any_size_read_as_the_whole() {
 
 #[test]
 fn reading_goes_on_from_any_position() {
-    for (name, bytes) in ["dialects", "canopen", "malformed"].into_iter().flat_map(fixtures) {
+    for (name, bytes) in ["dialects", "canopen", "malformed", "recorders"].into_iter().flat_map(fixtures) {
         let mut reader = Reader::open(&bytes[..], &ReadOptions::default()).unwrap();
         let mut batch = Batch::new();
         let mut positions: Vec<(usize, usize, Position)> = vec![(0, 0, reader.position())];

@@ -13,6 +13,7 @@
 pub mod adapter;
 mod asc;
 mod batch;
+mod blf;
 mod bus_error;
 mod busmaster;
 mod byte_order;
@@ -26,9 +27,11 @@ mod crtd;
 mod csv;
 mod elapsed;
 mod holds;
+mod inflate;
 mod line_format;
 mod link;
 mod mcap;
+mod mdf4;
 mod merged;
 mod microchip;
 mod payload;
@@ -270,6 +273,8 @@ pub const FORMATS: &[Format] = &[
     mcap::FORMAT,
     pcapng::FORMAT,
     pcap::FORMAT,
+    blf::FORMAT,
+    mdf4::FORMAT,
     trc::FORMAT,
     asc::FORMAT,
     busmaster::FORMAT,

@@ -51,6 +51,9 @@ pub const TARGETS: &[Target] = &[
     ("csv", csv),
     ("pcap", pcap),
     ("pcapng", pcapng),
+    ("blf", blf),
+    ("mdf4", mdf4),
+    ("mcap", mcap),
     ("slcan", slcan),
     ("socketcand", socketcand),
     ("any", any),
@@ -132,4 +135,19 @@ pub fn pcap(data: &[u8]) {
 /// The pcapng reader.
 pub fn pcapng(data: &[u8]) {
     reader::holds_its_contract("pcapng", data);
+}
+
+/// The BLF reader.
+pub fn blf(data: &[u8]) {
+    reader::holds_its_contract("blf", data);
+}
+
+/// The MCAP reader.
+pub fn mcap(data: &[u8]) {
+    reader::holds_its_contract("mcap", data);
+}
+
+/// The MDF4 reader.
+pub fn mdf4(data: &[u8]) {
+    reader::holds_its_contract("mdf4", data);
 }

@@ -1,0 +1,183 @@
+//! What the objects of a capture say, one after the other.
+
+use super::frame::{self, Content};
+use super::object::Head;
+use super::{error, unreadable};
+use crate::capture::bus_error::Violation;
+use crate::capture::byte_order::ByteOrder::Little;
+use crate::capture::{Batch, BusNames, MAX_BUSES, Notice, Place};
+use crate::frame::{BusIndex, Frame, Timestamp};
+
+const CAN_MESSAGE: u32 = 1;
+const CAN_ERROR: u32 = 2;
+const CAN_OVERLOAD: u32 = 3;
+/// Kind of the objects that hold others.
+pub(super) const LOG_CONTAINER: u32 = 10;
+const CAN_DRIVER_ERROR: u32 = 31;
+const CAN_ERROR_EXT: u32 = 73;
+const CAN_DRIVER_ERROR_EXT: u32 = 74;
+const CAN_MESSAGE2: u32 = 86;
+const OVERRUN_ERROR: u32 = 91;
+const CAN_FD_MESSAGE: u32 = 100;
+const CAN_FD_MESSAGE_64: u32 = 101;
+const CAN_FD_ERROR_64: u32 = 104;
+const DATA_LOST_BEGIN: u32 = 125;
+const DATA_LOST_END: u32 = 126;
+
+/// What is looked at.
+const READ: &[u32] = &[
+    CAN_MESSAGE,
+    CAN_ERROR,
+    CAN_OVERLOAD,
+    CAN_DRIVER_ERROR,
+    CAN_ERROR_EXT,
+    CAN_DRIVER_ERROR_EXT,
+    CAN_MESSAGE2,
+    OVERRUN_ERROR,
+    CAN_FD_MESSAGE,
+    CAN_FD_MESSAGE_64,
+    CAN_FD_ERROR_64,
+    DATA_LOST_BEGIN,
+    DATA_LOST_END,
+];
+
+/// Messages of other buses: LIN, MOST, FlexRay, J1708, Ethernet, WLAN, AFDX, ARINC 429.
+const OTHER_BUSES: &[u32] =
+    &[11, 22, 23, 29, 32, 33, 41, 50, 55, 57, 66, 71, 76, 77, 78, 84, 85, 93, 97, 113, 120, 121];
+
+/// Largest object that is looked at: the largest frame has 64 bytes of data and little else.
+pub(super) const LARGEST_OBJECT: usize = 4_096;
+
+/// Bus type of `OVERRUN_ERROR`.
+const CAN: u32 = 1;
+
+/// Whether objects of this kind are looked at.
+pub(super) fn is_read(kind: u32) -> bool {
+    READ.contains(&kind)
+}
+
+/// What was learnt from the objects so far.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Objects {
+    /// Nanoseconds since 1970 at which times are 0.
+    pub(super) start: i64,
+    pub(super) buses: BusNames,
+    frames: u64,
+    /// Messages of other buses.
+    others: u64,
+    /// Where the recorder began to lose frames, until it says how many.
+    losing: Option<Place>,
+    said_request: bool,
+    said_unit: bool,
+}
+
+impl Objects {
+    /// Counts an object that is not looked at.
+    pub(super) fn pass_over(&mut self, kind: u32) {
+        self.others += u64::from(OTHER_BUSES.contains(&kind));
+    }
+
+    /// One whole object.
+    pub(super) fn take(&mut self, head: Head, object: &[u8], place: Place, batch: &mut Batch) {
+        let body = object.get(head.header..).unwrap_or_default();
+        if self.content(head, object, body, place, batch).is_none() {
+            let reason =
+                format!("an object of kind {} and {} bytes: too short for what it is", head.kind, head.size);
+            unreadable(reason, place, batch);
+        }
+    }
+
+    fn content(
+        &mut self,
+        head: Head,
+        object: &[u8],
+        body: &[u8],
+        place: Place,
+        batch: &mut Batch,
+    ) -> Option<()> {
+        let frame = match head.kind {
+            CAN_MESSAGE | CAN_MESSAGE2 => self.sent(frame::classic(body)?, batch),
+            CAN_FD_MESSAGE => self.sent(frame::fd(body)?, batch),
+            CAN_FD_MESSAGE_64 => self.sent(frame::fd_64(body, head.header)?, batch),
+            CAN_ERROR => Some(error::bare(Violation::Other)),
+            CAN_OVERLOAD => Some(error::bare(Violation::Overload)),
+            CAN_ERROR_EXT => Some(error::extended(body)?),
+            CAN_FD_ERROR_64 => Some(error::fd(body)?),
+            CAN_DRIVER_ERROR | CAN_DRIVER_ERROR_EXT => Some(error::counters(body)?),
+            _ => {
+                self.loss(head.kind, body, place, batch)?;
+                None
+            }
+        };
+        let Some(frame) = frame else { return Some(()) };
+        let channel = match head.kind {
+            CAN_FD_MESSAGE_64 | CAN_FD_ERROR_64 => u16::from(*body.first()?),
+            _ => Little.u16(body, 0)?,
+        };
+        let time = self.time(object, batch)?;
+        let Some(bus) = self.bus(channel) else {
+            unreadable(format!("channel {channel}: more than {MAX_BUSES} channels"), place, batch);
+            return Some(());
+        };
+        self.frames += 1;
+        batch.push(Frame { number: self.frames, time: Some(time), bus, ..frame });
+        Some(())
+    }
+
+    fn sent(&mut self, content: Content, batch: &mut Batch) -> Option<Frame> {
+        match content {
+            Content::Frame(frame) => Some(frame),
+            Content::Request => {
+                if !std::mem::replace(&mut self.said_request, true) {
+                    let text = "requests to send (TxRq) are not taken for frames";
+                    batch.notice(Notice::Assumption(text.into()));
+                }
+                None
+            }
+        }
+    }
+
+    fn bus(&mut self, channel: u16) -> Option<BusIndex> {
+        self.buses.index_of(channel.to_string().as_bytes())
+    }
+
+    fn time(&mut self, object: &[u8], batch: &mut Batch) -> Option<Timestamp> {
+        let (unit, stamp) = (Little.u32(object, 16)?, Little.u64(object, 24)?);
+        let stamp = i64::try_from(stamp).unwrap_or(i64::MAX);
+        let elapsed = if unit == 1 { stamp.saturating_mul(10_000) } else { stamp };
+        if !matches!(unit, 1 | 2) && !std::mem::replace(&mut self.said_unit, true) {
+            let text = format!("times of an unknown unit ({unit}) are read as nanoseconds");
+            batch.notice(Notice::Assumption(text));
+        }
+        Some(Timestamp(self.start).plus(elapsed))
+    }
+
+    /// What the recorder says of frames it lost.
+    fn loss(&mut self, kind: u32, body: &[u8], place: Place, batch: &mut Batch) -> Option<()> {
+        let (bus, count) = match kind {
+            OVERRUN_ERROR if Little.u32(body, 0)? == CAN => (self.bus(Little.u16(body, 4)?), None),
+            DATA_LOST_END => {
+                self.losing = None;
+                (None, Some(u64::from(Little.u32(body, 12)?)))
+            }
+            DATA_LOST_BEGIN => {
+                self.losing = Some(place);
+                return Some(());
+            }
+            _ => return Some(()),
+        };
+        batch.notice(Notice::LostFrames { place, bus: bus.unwrap_or_default(), count });
+        Some(())
+    }
+
+    /// Nothing follows.
+    pub(super) fn end(&mut self, batch: &mut Batch) {
+        if let Some(place) = self.losing.take() {
+            batch.notice(Notice::LostFrames { place, bus: BusIndex(0), count: None });
+        }
+        if self.others > 0 {
+            let text = format!("messages of other buses than CAN are passed over ({})", self.others);
+            batch.notice(Notice::Assumption(text));
+        }
+    }
+}

@@ -1,0 +1,186 @@
+//! Fields of a record, and what times are made of them.
+
+use super::block::Block;
+
+/// Data types.
+const UNSIGNED_BIG: u8 = 1;
+const SIGNED_LITTLE: u8 = 2;
+const SIGNED_BIG: u8 = 3;
+const REAL_LITTLE: u8 = 4;
+const REAL_BIG: u8 = 5;
+const FIRST_TEXT: u8 = 6;
+const LAST_TEXT: u8 = 9;
+
+/// Kinds of channels.
+const VARIABLE: u8 = 1;
+const VIRTUAL_MASTER: u8 = 3;
+
+/// Kind of conversion: a + b · x.
+const LINEAR: u8 = 1;
+
+const NANOSECONDS: f64 = 1e9;
+
+/// Where in a record a value stands, and as what.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Field {
+    kind: u8,
+    data_type: u8,
+    bit_offset: u8,
+    byte_offset: usize,
+    bits: usize,
+}
+
+impl Field {
+    /// What a channel block says.
+    pub(super) fn new(channel: &Block<'_>) -> Option<Self> {
+        Some(Self {
+            kind: channel.u8(0)?,
+            data_type: channel.u8(2)?,
+            bit_offset: channel.u8(3)?,
+            byte_offset: usize::try_from(channel.u32(4)?).ok()?,
+            bits: usize::try_from(channel.u32(8)?).ok()?,
+        })
+    }
+
+    /// Whether the value is an offset into data of variable length.
+    pub(super) fn is_variable(&self) -> bool {
+        self.kind == VARIABLE
+    }
+
+    /// The bytes of a field of whole bytes.
+    pub(super) fn bytes<'a>(&self, record: &'a [u8]) -> Option<&'a [u8]> {
+        record.get(self.byte_offset..)?.get(..self.bits / 8)
+    }
+
+    /// The value as an unsigned number; of a text the first byte.
+    pub(super) fn number(&self, record: &[u8]) -> Option<u64> {
+        let bytes = record.get(self.byte_offset..)?;
+        if (FIRST_TEXT..=LAST_TEXT).contains(&self.data_type) {
+            return bytes.first().map(|byte| u64::from(*byte));
+        }
+        if self.bits == 0 || self.bits > 64 || self.bit_offset > 7 {
+            return None;
+        }
+        let length = (usize::from(self.bit_offset) + self.bits).div_ceil(8);
+        let bytes = bytes.get(..length)?;
+        let is_big = matches!(self.data_type, UNSIGNED_BIG | SIGNED_BIG | REAL_BIG);
+        let add = |number: u128, byte: &u8| number << 8 | u128::from(*byte);
+        let number = if is_big { bytes.iter().fold(0, add) } else { bytes.iter().rev().fold(0, add) };
+        let mask = u128::MAX >> (128 - self.bits);
+        u64::try_from(number >> self.bit_offset & mask).ok()
+    }
+
+    /// The value as one of these.
+    fn value(&self, record: &[u8], index: u64) -> Option<Value> {
+        if self.kind == VIRTUAL_MASTER {
+            return i64::try_from(index).ok().map(Value::Integer);
+        }
+        let number = self.number(record)?;
+        match self.data_type {
+            REAL_LITTLE | REAL_BIG if self.bits == 64 => Some(Value::Real(f64::from_bits(number))),
+            REAL_LITTLE | REAL_BIG => {
+                let bits = u32::try_from(number).ok().filter(|_| self.bits == 32)?;
+                Some(Value::Real(f32::from_bits(bits).into()))
+            }
+            SIGNED_LITTLE | SIGNED_BIG => {
+                let unused = 64_usize.checked_sub(self.bits)?;
+                Some(Value::Integer((number << unused).cast_signed() >> unused))
+            }
+            _ => i64::try_from(number).ok().map(Value::Integer),
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Value {
+    Integer(i64),
+    Real(f64),
+}
+
+/// The time of records.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Clock {
+    field: Field,
+    /// Nanoseconds at 0, and for each step of the value.
+    offset: f64,
+    step: f64,
+}
+
+impl Clock {
+    /// The channel of times, with its conversion; `None` for a conversion that is not linear.
+    pub(super) fn new(file: &[u8], channel: &Block<'_>) -> Option<Self> {
+        let field = Field::new(channel)?;
+        let Some(conversion) = channel.link(4) else {
+            return Some(Self { field, offset: 0.0, step: NANOSECONDS });
+        };
+        let conversion = Block::of(file, conversion, *b"CC")?;
+        let real = |at| conversion.u64(at).map(f64::from_bits);
+        match conversion.u8(0)? {
+            0 => Some(Self { field, offset: 0.0, step: NANOSECONDS }),
+            LINEAR => {
+                let (offset, factor) = (real(24)? * NANOSECONDS, real(32)? * NANOSECONDS);
+                // A factor of 1e-9 is one nanosecond, not that and the error of 1e-9.
+                let whole = factor.round();
+                let step = if (factor - whole).abs() <= whole.abs() * 1e-12 { whole } else { factor };
+                Some(Self { field, offset, step })
+            }
+            _ => None,
+        }
+    }
+
+    /// Nanoseconds from the start of the recording, of the record with this index.
+    pub(super) fn time(&self, record: &[u8], index: u64) -> Option<i64> {
+        match self.field.value(record, index)? {
+            Value::Integer(value) if self.offset == 0.0 && self.step.fract() == 0.0 => {
+                value.checked_mul(whole(self.step)?)
+            }
+            #[expect(clippy::cast_precision_loss, reason = "its conversion is in these numbers")]
+            Value::Integer(value) => whole(self.offset + value as f64 * self.step),
+            Value::Real(value) => whole(self.offset + value * self.step),
+        }
+    }
+}
+
+/// The nearest integer, if there is one.
+#[expect(clippy::cast_possible_truncation, reason = "the range is looked at")]
+fn whole(value: f64) -> Option<i64> {
+    (value.abs() < 9.2e18).then(|| value.round() as i64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn field(data_type: u8, byte_offset: usize, bit_offset: u8, bits: usize) -> Field {
+        Field { kind: 0, data_type, bit_offset, byte_offset, bits }
+    }
+
+    #[test]
+    fn bits_are_taken_from_where_they_stand() {
+        // What CANedge writes: 29 bits from bit 3 on.
+        let record = [0, 0x0B, 0x00, 0x00, 0x80, 0xFF];
+        assert_eq!(field(0, 1, 3, 29).number(&record), Some(0x1000_0001));
+        assert_eq!(field(0, 1, 0, 1).number(&record), Some(1));
+        assert_eq!(field(1, 1, 0, 16).number(&record), Some(0x0B00));
+        assert_eq!(field(0, 5, 4, 4).number(&record), Some(0xF));
+        assert_eq!(field(0, 5, 4, 5).number(&record), None, "behind the end");
+        assert_eq!(field(0, usize::MAX, 0, 8).number(&record), None);
+        assert_eq!(field(6, 5, 0, 16).number(&record), Some(0xFF));
+    }
+
+    fn clock(data_type: u8, bits: usize, offset: f64, factor: f64) -> Clock {
+        Clock { field: field(data_type, 0, 0, bits), offset: offset * 1e9, step: factor * 1e9 }
+    }
+
+    #[test]
+    fn times_are_whole_nanoseconds() {
+        let integer = clock(0, 64, 0.0, 1e-9);
+        assert_eq!(integer.time(&9_007_199_254_740_993_u64.to_le_bytes(), 0), Some(9_007_199_254_740_993));
+        assert_eq!(clock(0, 32, 1.5, 1e-3).time(&7_u32.to_le_bytes(), 0), Some(1_507_000_000));
+        assert_eq!(clock(4, 64, 0.0, 1.0).time(&0.1_f64.to_le_bytes(), 0), Some(100_000_000));
+        assert_eq!(clock(5, 32, 0.0, 1.0).time(&0.5_f32.to_be_bytes(), 0), Some(500_000_000));
+        assert_eq!(clock(2, 16, 0.0, 1.0).time(&(-2_i16).to_le_bytes(), 0), Some(-2_000_000_000));
+        assert_eq!(clock(4, 64, 0.0, 1.0).time(&f64::NAN.to_le_bytes(), 0), None);
+        assert_eq!(clock(4, 64, 0.0, 1.0).time(&1e300_f64.to_le_bytes(), 0), None);
+    }
+}

@@ -1,0 +1,118 @@
+//! Frames of records, as the ASAM standard for bus logging names their fields.
+
+use super::field::Field;
+use super::group::{Frames, Kind};
+use super::records::Values;
+use crate::capture::bus_error::{Violation, violation};
+use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, fd_length};
+
+/// Kinds of error, by their numbers.
+const ERRORS: &[Violation] = &[
+    Violation::Other,
+    Violation::Bit,
+    Violation::Form,
+    Violation::Stuff,
+    Violation::Checksum,
+    Violation::Acknowledgement,
+];
+
+/// A frame, and the channel it is of if the record says so.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Found {
+    pub(super) frame: Frame,
+    pub(super) channel: Option<u64>,
+}
+
+/// The frame of a record.
+///
+/// # Errors
+/// When the record holds none; why.
+pub(super) fn found(
+    frames: &Frames,
+    file: &[u8],
+    record: &[u8],
+    values: &mut Values,
+) -> Result<Found, &'static str> {
+    let fields = &frames.fields;
+    let channel = number(fields.channel, record);
+    let flags = match number(fields.direction, record) {
+        // Some write the direction as a text.
+        Some(1 | 0x54) => FrameFlags::TRANSMITTED,
+        Some(0 | 0x52) => FrameFlags::RECEIVED,
+        _ => FrameFlags::default(),
+    };
+    let is_sending = flags == FrameFlags::TRANSMITTED;
+    let frame = match frames.kind {
+        Kind::Data => data(frames, file, record, values)?,
+        Kind::Remote => remote(frames, record)?,
+        Kind::Error => {
+            let kind = number(fields.error, record).and_then(|kind| usize::try_from(kind).ok());
+            let kind = kind.and_then(|kind| ERRORS.get(kind)).copied();
+            violation(kind.unwrap_or(Violation::Other), is_sending, 0, None)
+        }
+        Kind::Overload => violation(Violation::Overload, is_sending, 0, None),
+    };
+    Ok(Found { frame: Frame { flags: frame.flags.with(flags), ..frame }, channel })
+}
+
+fn number(field: Option<Field>, record: &[u8]) -> Option<u64> {
+    field?.number(record)
+}
+
+fn is_set(field: Option<Field>, record: &[u8]) -> bool {
+    number(field, record).is_some_and(|value| value != 0)
+}
+
+fn id(frames: &Frames, record: &[u8]) -> Result<CanId, &'static str> {
+    let id = number(frames.fields.id, record).and_then(|id| u32::try_from(id).ok());
+    let id = id.ok_or("a record without an identifier")?;
+    // Where it is not said, the highest bit of the identifier says it, or its size.
+    let is_extended = match number(frames.fields.extended, record) {
+        Some(value) => value != 0,
+        None => id > 0x7FF,
+    };
+    match u16::try_from(id) {
+        _ if is_extended => Ok(CanId::extended(id)),
+        Ok(id @ 0..=0x7FF) => Ok(CanId::standard(id)),
+        _ => Err("an identifier of more than 11 bits in a frame that is not extended"),
+    }
+}
+
+fn data(frames: &Frames, file: &[u8], record: &[u8], values: &mut Values) -> Result<Frame, &'static str> {
+    const MISSING: &str = "the data of a frame are not where they should be";
+    let fields = &frames.fields;
+    let id = id(frames, record)?;
+    let field = fields.data.ok_or(MISSING)?;
+    let bytes = if field.is_variable() {
+        values.get(file, field.number(record).ok_or(MISSING)?).ok_or(MISSING)?
+    } else {
+        field.bytes(record).ok_or(MISSING)?
+    };
+    let dlc = number(fields.dlc, record).and_then(|dlc| u8::try_from(dlc).ok()).filter(|dlc| *dlc <= 15);
+    let is_fd = is_set(fields.is_fd, record);
+    let by_dlc = dlc.map(|dlc| if is_fd { fd_length(dlc) } else { dlc.min(8) }).map(usize::from);
+    let length = number(fields.length, record).and_then(|length| usize::try_from(length).ok());
+    let length = length.or(by_dlc.filter(|_| !field.is_variable())).unwrap_or(bytes.len());
+    let bytes = bytes.get(..length).ok_or(MISSING)?;
+    if bytes.len() > if is_fd { MAX_DATA } else { 8 } {
+        return Err("more data than the frame can have");
+    }
+    let mut frame = Frame::data_frame(id, bytes);
+    if is_fd {
+        let add =
+            |flags: FrameFlags, flag, field| if is_set(field, record) { flags.with(flag) } else { flags };
+        let flags = add(FrameFlags::FD, FrameFlags::BIT_RATE_SWITCH, fields.bit_rate_switch);
+        frame.flags = add(flags, FrameFlags::ERROR_STATE, fields.error_state);
+    } else if bytes.len() == 8 {
+        frame.raw_dlc = dlc.filter(|dlc| *dlc > 8).unwrap_or(0);
+    }
+    Ok(frame)
+}
+
+fn remote(frames: &Frames, record: &[u8]) -> Result<Frame, &'static str> {
+    let id = id(frames, record)?;
+    let dlc = number(frames.fields.dlc, record).or_else(|| number(frames.fields.length, record)).unwrap_or(0);
+    let dlc = u8::try_from(dlc).ok().filter(|dlc| *dlc <= 15).ok_or("a DLC of more than 15")?;
+    let raw_dlc = if dlc > 8 { dlc } else { 0 };
+    Ok(Frame { id, flags: FrameFlags::REMOTE, length: dlc.min(8), raw_dlc, ..Frame::EMPTY })
+}

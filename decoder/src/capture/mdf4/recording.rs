@@ -1,0 +1,194 @@
+//! A whole capture: when it began, and the groups of frames in it.
+
+use std::sync::Arc;
+
+use super::block::Block;
+use super::group::{DataGroup, Frames, Group, Reading, Size};
+use super::records::{Known, Last, Records, Values};
+use super::source::{Parts, Source};
+use super::stream::{Damage, Segment, Stream, segments};
+use super::{CaptureError, TITLE};
+use crate::capture::byte_order::ByteOrder::Little;
+
+/// Bytes of the identification, behind which the header stands.
+const IDENTIFICATION: u64 = 64;
+const VERSION: usize = 28;
+const FLAGS: usize = 60;
+/// First version of this kind.
+const FIRST_VERSION: u16 = 400;
+
+/// What a program that did not end the capture says was left undone.
+pub(super) const UNFINISHED: &[u8] = b"UnFinMF ";
+const RECORDS_NOT_COUNTED: u16 = 1;
+const LENGTH_NOT_SET: u16 = 4;
+
+const LOCAL_TIME: u8 = 1;
+
+/// Groups of frames that are read.
+const MOST_SOURCES: usize = 1_024;
+
+/// Names of other groups that are said.
+const SHOWN_NAMES: usize = 5;
+
+/// What a capture holds.
+#[derive(Default)]
+pub(super) struct Recording {
+    /// Nanoseconds since 1970.
+    pub(super) start: i64,
+    /// Whether the start is in a time zone that is not said.
+    pub(super) is_local: bool,
+    pub(super) sources: Vec<Source>,
+    pub(super) damages: Vec<Damage>,
+    /// Records of groups that hold no frames, as far as they are known before reading, and names of those.
+    pub(super) others: u64,
+    pub(super) names: Vec<Vec<u8>>,
+}
+
+/// The data of a group of groups.
+struct Shared {
+    group: DataGroup,
+    segments: Vec<Segment>,
+    /// Blocks with values of variable length, for each group.
+    values: Vec<Vec<Segment>>,
+}
+
+impl Recording {
+    /// Reads all that describes the capture.
+    ///
+    /// # Errors
+    /// When it has no header, or is of an older version.
+    pub(super) fn open(file: &[u8]) -> Result<Self, CaptureError> {
+        let version = Little.u16(file, VERSION).unwrap_or(0);
+        if version < FIRST_VERSION {
+            return Err(CaptureError::Header {
+                format: TITLE,
+                offset: VERSION as u64,
+                found: format!("version {version}"),
+                expected: "400 or later: convert the capture to MDF 4",
+            });
+        }
+        let Some(header) = Block::of(file, IDENTIFICATION, *b"HD") else {
+            return Err(CaptureError::Header {
+                format: TITLE,
+                offset: IDENTIFICATION,
+                found: "no header".into(),
+                expected: "a block HD",
+            });
+        };
+        let unfinished = if file.starts_with(UNFINISHED) { Little.u16(file, FLAGS).unwrap_or(0) } else { 0 };
+        let mut recording = Self {
+            start: header.u64(0).and_then(|start| i64::try_from(start).ok()).unwrap_or(0),
+            is_local: header.u8(12).is_some_and(|flags| flags & LOCAL_TIME != 0),
+            ..Self::default()
+        };
+        let mut reading = Reading::default();
+        let groups = reading.data_groups(file, header.link(0));
+        recording.damages.append(&mut reading.damages);
+        let mut shared: Vec<Shared> = groups.into_iter().map(|group| recording.shared(file, group)).collect();
+        if unfinished & LENGTH_NOT_SET != 0 {
+            extend_last(file, &mut shared, reading.seen.last().copied().unwrap_or(0));
+        }
+        for shared in shared {
+            recording.add(shared, unfinished & RECORDS_NOT_COUNTED == 0);
+        }
+        Ok(recording)
+    }
+
+    /// Finds the blocks of data.
+    fn shared(&mut self, file: &[u8], group: DataGroup) -> Shared {
+        let holds_frames = group.groups.iter().any(|group| group.frames.is_some());
+        let data = group.data.filter(|_| holds_frames);
+        let segments = segments(file, data, &mut self.damages);
+        let values = |group: &Group| {
+            let link = group.frames.as_ref().and_then(|frames| frames.values)?;
+            // A link to another group is not one to blocks.
+            Block::of(file, link, *b"CG")
+                .is_none()
+                .then(|| super::stream::segments(file, Some(link), &mut self.damages))
+        };
+        let values = group.groups.iter().map(values).map(Option::unwrap_or_default).collect();
+        Shared { group, segments, values }
+    }
+
+    /// Makes sources of the groups that hold frames.
+    fn add(&mut self, shared: Shared, is_counted: bool) {
+        let Shared { group: data, segments, values } = shared;
+        let segments: Arc<[Segment]> = segments.into();
+        if data.number_size == 0 && data.groups.len() > 1 {
+            self.damages.push((
+                data.at,
+                "several groups whose records have no numbers: only the first is read".into(),
+            ));
+        }
+        let mut known: Vec<Known> = data.groups.iter().map(known).collect();
+        known.sort_unstable_by_key(|known| known.number);
+        let known: Arc<[Known]> = known.into();
+        let records =
+            |wanted| Records::new(Stream::new(segments.clone()), data.number_size, known.clone(), wanted);
+        let holds_frames = data.groups.iter().any(|group| group.frames.is_some());
+        let mut is_first = true;
+        let count = if data.number_size == 0 { 1 } else { data.groups.len() };
+        for (group, own) in data.groups.iter().zip(values).take(count) {
+            let Some(frames) = group.frames else {
+                self.other(group, holds_frames);
+                continue;
+            };
+            if self.sources.len() >= MOST_SOURCES {
+                self.damages.push((group.at, format!("more than {MOST_SOURCES} groups of frames")));
+                return;
+            }
+            self.sources.push(Source::new(Parts {
+                frames,
+                records: records(group.number),
+                values: values_of(&frames, &data.groups, own, records),
+                size: group.size,
+                expected: Some(group.records).filter(|_| is_counted),
+                at: group.at,
+                is_first: std::mem::replace(&mut is_first, false),
+            }));
+        }
+    }
+
+    /// A group without frames: how much it holds is found out only if frames are in the same data.
+    fn other(&mut self, group: &Group, is_counted_later: bool) {
+        if group.size == Size::Variable {
+            return;
+        }
+        if !is_counted_later {
+            self.others = self.others.saturating_add(group.records);
+        }
+        if self.names.len() < SHOWN_NAMES && !group.name.is_empty() && !self.names.contains(&group.name) {
+            self.names.push(group.name.clone());
+        }
+    }
+}
+
+fn known(group: &Group) -> Known {
+    let is_other = group.frames.is_none() && group.size != Size::Variable;
+    Known { number: group.number, size: group.size, is_other }
+}
+
+/// Where the values of variable length of a group are: in blocks, or in another group.
+fn values_of(
+    frames: &Frames,
+    groups: &[Group],
+    blocks: Vec<Segment>,
+    records: impl Fn(u64) -> Records,
+) -> Values {
+    let Some(link) = frames.values else { return Values::None };
+    match groups.iter().find(|group| group.at == link && group.size == Size::Variable) {
+        Some(group) => Values::Records(records(group.number), 0, Last::default()),
+        None => Values::Blocks(Stream::new(blocks.into()), Last::default()),
+    }
+}
+
+/// The last block of data goes on to the end, if nothing else stands behind it.
+fn extend_last(file: &[u8], shared: &mut [Shared], last_description: u64) {
+    let all = shared
+        .iter_mut()
+        .flat_map(|shared| shared.segments.iter_mut().chain(shared.values.iter_mut().flatten()));
+    let last = all.max_by_key(|segment| segment.at);
+    if let Some(last) = last.filter(|last| last.at > last_description) {
+        last.extend(file);
+    }
+}
