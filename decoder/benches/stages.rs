@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-use cobscope_decoder::capture::{Batch, ReadOptions, Reader, WRITABLE, WriteOptions};
+use cobscope_decoder::capture::{Batch, Packing, ReadOptions, Reader, WRITABLE, WriteOptions};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Frame;
@@ -52,6 +52,7 @@ struct Captures {
     storm: PathBuf,
     pcap: PathBuf,
     pcapng: PathBuf,
+    mcap: PathBuf,
     devices: PathBuf,
     engine: PathBuf,
     frames: usize,
@@ -71,7 +72,7 @@ struct Stage {
 /// The stage all others are compared with.
 const FLOOR: &str = "newline count";
 
-const STAGES: [(&str, Run); 26] = [
+const STAGES: [(&str, Run); 30] = [
     (FLOOR, |captures| count_newlines(&captures.normal)),
     ("candump, frames only", |captures| read(&captures.normal)),
     ("candump to events", |captures| decode(&captures.normal, &mut ignore)),
@@ -93,11 +94,15 @@ const STAGES: [(&str, Run); 26] = [
     ("pcap to events", |captures| decode(&captures.pcap, &mut ignore)),
     ("pcapng, frames only", |captures| read(&captures.pcapng)),
     ("pcapng to events", |captures| decode(&captures.pcapng, &mut ignore)),
-    ("write candump", |captures| rewrite(captures, "candump")),
-    ("write pcapng", |captures| rewrite(captures, "pcapng")),
-    ("write asc", |captures| rewrite(captures, "asc")),
-    ("write trc", |captures| rewrite(captures, "trc")),
-    ("write csv", |captures| rewrite(captures, "csv")),
+    ("write candump", |captures| rewrite(captures, "candump", Packing::None)),
+    ("write pcapng", |captures| rewrite(captures, "pcapng", Packing::None)),
+    ("write asc", |captures| rewrite(captures, "asc", Packing::None)),
+    ("write trc", |captures| rewrite(captures, "trc", Packing::None)),
+    ("write csv", |captures| rewrite(captures, "csv", Packing::None)),
+    ("write MCAP, not packed", |captures| rewrite(captures, "mcap", Packing::None)),
+    ("write MCAP, lz4", |captures| rewrite(captures, "mcap", Packing::Lz4)),
+    ("write MCAP, zstd", |captures| rewrite(captures, "mcap", Packing::Zstd)),
+    ("MCAP, zstd, frames only", |captures| read(&captures.mcap)),
 ];
 
 fn main() -> Outcome {
@@ -176,6 +181,7 @@ fn captures(folder: &Path, frames: usize) -> io::Result<Captures> {
     Ok(Captures {
         frames,
         first: first(&normal_path)?,
+        mcap: to_mcap(&normal_path, &folder.join("normal.mcap"))?,
         normal: normal_path,
         mapped: write("mapped.log", Format::Candump, Options { mapping: true, ..normal })?,
         storm: write("storm.log", Format::Candump, Options { storm: true, ..normal })?,
@@ -194,6 +200,23 @@ fn write(path: &Path, format: Format, messages: impl Iterator<Item = Message>) -
     }
     out.flush()?;
     Ok(path.to_owned())
+}
+
+/// The same capture as MCAP.
+fn to_mcap(from: &Path, to: &Path) -> io::Result<PathBuf> {
+    let format = WRITABLE.iter().find(|format| format.name == "mcap");
+    let format = format.ok_or_else(|| io::Error::other("MCAP cannot be written"))?;
+    let output = Box::new(BufWriter::with_capacity(CHUNK, File::create(to)?));
+    let mut writer = (format.writer)(output, &WriteOptions::default());
+    let mut reader = Reader::open(File::open(from)?, &ReadOptions::default()).map_err(io::Error::other)?;
+    let mut batch = Batch::new();
+    while reader.read(&mut batch).map_err(io::Error::other)? {
+        for frame in batch.frames() {
+            writer.write(frame, "can0")?;
+        }
+    }
+    writer.finish()?;
+    Ok(to.to_owned())
 }
 
 /// Every device of the hydraulic machine with its profile. Reading profiles is start-up, measured by
@@ -244,11 +267,11 @@ fn first(path: &Path) -> io::Result<Vec<Frame>> {
 }
 
 /// Writes as many frames as the captures have.
-fn rewrite(captures: &Captures, name: &str) -> Outcome {
+fn rewrite(captures: &Captures, name: &str, packing: Packing) -> Outcome {
     let mut known = WRITABLE.iter();
     let format = known.find(|format| format.name == name).ok_or("no such format")?;
     let output = Box::new(BufWriter::with_capacity(OUTPUT, io::sink()));
-    let mut writer = (format.writer)(output, &WriteOptions::default());
+    let mut writer = (format.writer)(output, &WriteOptions { packing });
     for frame in captures.first.iter().cycle().take(captures.frames) {
         writer.write(black_box(frame), "can0")?;
     }

@@ -45,6 +45,13 @@ COMMANDS = [
     ("devices to events, profiles", "devices.log", "none", 1_000_000, DEVICES),
     ("devices to JSON Lines, plain", "devices.log", "jsonl", 1_000_000),
     ("devices to JSON Lines, profiles", "devices.log", "jsonl", 1_000_000, DEVICES),
+    ("candump, converted to candump", "normal.log", "convert candump", 1_000_000),
+    ("candump, converted to pcapng", "normal.log", "convert pcapng", 1_000_000),
+    ("candump, converted to ASC", "normal.log", "convert asc", 1_000_000),
+    ("candump, converted to TRC", "normal.log", "convert trc", 1_000_000),
+    ("candump, converted to CSV", "normal.log", "convert csv", 1_000_000),
+    ("candump, converted to MCAP", "normal.log", "convert mcap", 1_000_000),
+    ("pcapng, converted to candump", "normal.pcapng", "convert candump", 1_000_000),
     ("1,000 frames to text", "1k.log", "text", 1_000),
     ("1,000 frames, one profile", "1k.log", "text", 1_000, DEVICES[:2]),
 ]
@@ -77,7 +84,11 @@ def main():
 
 def command(program, folder, capture, output, nodes=()):
     path = os.path.join(folder, capture)
-    return ["wc", "-l", path] if output is None else [program, "decode", "-f", output, *nodes, path]
+    if output is None:
+        return ["wc", "-l", path]
+    if output.startswith("convert "):
+        return [program, "convert", "-f", output.split()[1], path, "-"]
+    return [program, "decode", "-f", output, *nodes, path]
 
 
 def generate(root, folder, short):

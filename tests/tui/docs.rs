@@ -4,6 +4,7 @@ use std::env;
 use std::fmt::Write as _;
 use std::fs;
 
+use cobscope_decoder::capture::{FORMATS, WRITABLE};
 use cobscope_decoder::profile::Catalogue;
 
 use crate::cli::run;
@@ -45,6 +46,26 @@ fn the_command_line_reference() {
         }
     }
     is_current("cli.md", &text);
+}
+
+#[test]
+fn the_formats_of_captures() {
+    if WRITABLE.len() < 6 {
+        return crate::support::skip("mcap", "this build leaves out MCAP");
+    }
+    let mut text = String::from(
+        "# Formats of captures\n\nGenerated from the program's own tables. A capture is recognised by its content, \
+         whatever its name; plain, gzip or zstd. `cobscope convert IN OUT` writes what the end of OUT says, or `-f NAME`; \
+         what a format has no place for is said when it is lost.\n\n\
+         | name | format | written as | has no place for |\n| --- | --- | --- | --- |\n",
+    );
+    for format in FORMATS {
+        let written = WRITABLE.iter().find(|writable| writable.name == format.name);
+        let suffix = written.map_or(String::new(), |written| format!("`.{}`", written.suffix));
+        let lacks = written.map_or(String::new(), |written| written.holds.lacks().join("; "));
+        writeln!(text, "| {} | {} | {suffix} | {lacks} |", format.name, format.title).unwrap();
+    }
+    is_current("formats.md", &text);
 }
 
 /// What a variant has that the first one of its device has otherwise, and titles of what is alike.

@@ -25,8 +25,8 @@ use crate::select::Bound;
 
 /// Read CAN buses: what did the CANopen and J1939 devices do?
 ///
-/// A capture may be candump text in any dialect, pcap, pcapng, PEAK TRC or Vector ASC, plain or
-/// compressed with gzip or zstd; its format is found by content. `cobscope CAPTURE` is short for `cobscope view` on a
+/// A capture may be candump text in any dialect, pcap, pcapng, PEAK TRC, Vector ASC or BLF, MDF4, MCAP, BUSMASTER, CRTD,
+/// CSV and text of further programs, plain or compressed with gzip or zstd; its format is found by content. `cobscope CAPTURE` is short for `cobscope view` on a
 /// terminal, and for `cobscope decode` elsewhere.
 #[derive(Debug, Parser)]
 #[command(name = "cobscope", version, max_term_width = 100)]

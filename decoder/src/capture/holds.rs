@@ -165,6 +165,37 @@ impl Holds {
         Some(kept)
     }
 
+    /// What it has no place for, a text each.
+    pub fn lacks(&self) -> Vec<String> {
+        let errors = match self.errors {
+            ErrorFrames::Whole => None,
+            ErrorFrames::Violations => Some("of error frames, all but how and where the protocol was broken"),
+            ErrorFrames::Reports => Some(
+                "of error frames, all but the controller's state, how the protocol was broken, or the counters",
+            ),
+            ErrorFrames::Mark => Some("class and details of error frames"),
+            ErrorFrames::None => Some("error frames"),
+        };
+        let directions = match self.directions {
+            Directions::Whole => None,
+            Directions::Assumed => Some("that it is not known whether a frame was received or sent"),
+            Directions::None => Some("whether a frame was received or sent"),
+        };
+        let time = (self.resolution > 1).then(|| format!("times finer than {}", unit(self.resolution)));
+        let others = [
+            (!self.untimed).then_some("frames without time"),
+            (!self.backwards).then_some("times before that of the first frame"),
+            (!self.fd).then_some("CAN FD frames"),
+            errors,
+            (!self.raw_dlc).then_some("DLCs above 8 of classic frames"),
+            directions,
+            (!self.bus_names).then_some("names of buses"),
+            (!self.notices).then_some("lost frames, links and quiet times"),
+            (!self.comments).then_some("comments"),
+        ];
+        time.into_iter().chain(others.into_iter().flatten().map(str::to_owned)).collect()
+    }
+
     /// A time in the format's unit, cut towards the past.
     pub fn cut(&self, time: Timestamp) -> Timestamp {
         Timestamp(time.0.saturating_sub(time.0.rem_euclid(self.resolution.max(1))))

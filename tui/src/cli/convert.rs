@@ -1,6 +1,8 @@
 //! `cobscope convert`.
 
 use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser};
+use cobscope_decoder::capture::WRITABLE;
 use cobscope_decoder::query::Filter;
 
 use super::size::bytes;
@@ -23,8 +25,8 @@ such as a segment of an SDO transfer, is of kind \"frame\".
 pub struct ConvertArgs {
     #[command(flatten)]
     pub input: InputArgs,
-    /// Format of OUT: candump, pcapng, asc … (default: what the end of its name says)
-    #[arg(short, long, value_name = "FORMAT")]
+    /// Format of OUT (default: what the end of its name says)
+    #[arg(short, long, value_name = "FORMAT", value_parser = formats())]
     pub format: Option<String>,
     /// Only frames whose own message EXPR matches, such as 'kind == emcy || id == 0x185'
     #[arg(long, value_name = "EXPR", long_help = FILTER_HELP)]
@@ -56,4 +58,11 @@ pub struct ConvertArgs {
     /// Write over files that are there
     #[arg(long)]
     pub force: bool,
+}
+
+/// The formats that can be written.
+fn formats() -> PossibleValuesParser {
+    PossibleValuesParser::new(
+        WRITABLE.iter().map(|format| PossibleValue::new(format.name).help(format.title)),
+    )
 }

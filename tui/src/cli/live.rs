@@ -37,7 +37,7 @@ pub struct LiveArgs {
     /// End when no frame came for MS milliseconds
     #[arg(short = 'T', value_name = "MS")]
     pub timeout: Option<u64>,
-    /// Record what comes to FILE, in the format of the end of its name (.log, .pcapng); without FILE, or for a folder,
+    /// Record what comes to FILE, in the format of the end of its name (.log, .pcapng, .mcap …); without FILE, or for a folder,
     /// to candump-DATE_TIME.log
     #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = ".")]
     pub record: Option<PathBuf>,

@@ -63,4 +63,14 @@ mod tests {
         assert!(arrange(&names, &[at(1), at(2), at(1_700_000_000)], false).is_err());
         assert!(arrange(&names[..1], &[None], false).is_ok());
     }
+
+    #[test]
+    fn parts_of_a_recording_are_called_alike() {
+        let of = |names: &[&str]| names.iter().map(|name| recording(name)).collect::<Vec<_>>();
+        assert_eq!(of(&["a/run.log", "a/run-0002.log", "a/run-0013.log"]), ["a/run.log"; 3]);
+        let usual = ["candump-2026-11-22_073051.log", "candump-2026-11-22_073051-0002.log"];
+        assert_eq!(of(&usual), ["candump---_.log"; 2]);
+        assert_ne!(recording("run.log"), recording("run.pcapng"));
+        assert_ne!(recording("front.log"), recording("front-left.log"));
+    }
 }
