@@ -11,7 +11,7 @@ use std::io::{self, ErrorKind};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use cobscope_decoder::capture::WritableFormat;
+use cobscope_decoder::capture::{Losses, WritableFormat};
 
 use super::disk::{Disk, PartFile};
 use super::item::{Gap, Item, What};
@@ -51,6 +51,7 @@ pub(super) struct Parts {
     now: Option<Instant>,
     retry_at: Option<Instant>,
     gap: Gap,
+    losses: Losses,
     status: RecordStatus,
 }
 
@@ -77,6 +78,7 @@ impl Parts {
             now: None,
             retry_at: None,
             gap: Gap::default(),
+            losses: Losses::new(format.holds),
             status: RecordStatus { format: format.title, ..RecordStatus::default() },
         };
         parts.adopt(path.clone(), file);
@@ -124,6 +126,7 @@ impl Parts {
     /// Nothing follows.
     pub(super) fn finish(&mut self) {
         self.end();
+        self.status.losses = self.losses.said();
     }
 
     fn is_over_time(&self, part: &Part) -> bool {
@@ -175,6 +178,9 @@ impl Parts {
             return;
         };
         let bus = buses.get(item.bus).map_or("", String::as_str);
+        if let What::Frame(frame) = &item.what {
+            self.losses.see(frame);
+        }
         match part.push(item, bus) {
             Ok(None) => (),
             Ok(Some(item)) => {

@@ -71,6 +71,8 @@ pub struct RecordStatus {
     pub bytes: u64,
     /// What came and the format has no place for; each once.
     pub unheld: Vec<Unheld>,
+    /// What frames had and the format has no place for, with how often; told at the end.
+    pub losses: Vec<String>,
     /// Frames not recorded, for whatever reason.
     pub missing: u64,
     /// Those of them that came faster than they could be written.
@@ -101,6 +103,10 @@ impl RecordStatus {
             let names: Vec<_> = self.unheld.iter().map(|unheld| unheld.name()).collect();
             let (format, names) = (self.format, names.join(", "));
             remarks.push(format!("{format} has no place for: {names}; a .pcapng has more"));
+        }
+        if !self.losses.is_empty() {
+            let (format, losses) = (self.format, self.losses.join("; "));
+            remarks.push(format!("{format} has no place for all of it: {losses}"));
         }
         remarks
     }
@@ -175,5 +181,7 @@ mod tests {
         status.failure.as_mut().unwrap().is_over = true;
         let over = format!("{failing}; recording goes on in run-0002.log");
         assert_eq!(status.remarks(), [&over, others[0], others[1]]);
+        status.losses = vec!["1 a".to_owned(), "2 b".to_owned()];
+        assert_eq!(status.remarks().last().unwrap(), "candump log has no place for all of it: 1 a; 2 b");
     }
 }

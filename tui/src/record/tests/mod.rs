@@ -9,7 +9,9 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
-use cobscope_decoder::capture::{self, Batch, Notice, Place, ReadOptions, Reader, WRITABLE};
+use cobscope_decoder::capture::{
+    self, Batch, Notice, Place, ReadOptions, Reader, WRITABLE, WritableFormat, WriteOptions,
+};
 use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags, LinkState, Timestamp};
 use cobscope_decoder::session::SessionOptions;
 
@@ -183,12 +185,14 @@ fn read(bytes: &[u8]) -> Vec<Said> {
     let (mut batch, mut said) = (Batch::new(), Vec::new());
     while reader.read(&mut batch).unwrap() {
         let names = reader.buses().names();
-        said.extend(batch.items().map(|item| match item {
-            capture::Item::Frame(frame) => Said::Frame(
+        said.extend(batch.items().filter_map(|item| match item {
+            capture::Item::Frame(frame) => Some(Said::Frame(
                 names[usize::from(frame.bus.0)].clone(),
                 Frame { number: 0, bus: BusIndex(0), ..*frame },
-            ),
-            capture::Item::Notice(notice) => of_bus(notice.clone(), names),
+            )),
+            // What the reader takes for granted, no part of what was recorded.
+            capture::Item::Notice(Notice::Assumption(_)) => None,
+            capture::Item::Notice(notice) => Some(of_bus(notice.clone(), names)),
         }));
     }
     said
@@ -226,6 +230,18 @@ fn losses(said: &[Said]) -> u64 {
 
 fn expected(numbers: impl IntoIterator<Item = u32>) -> Vec<Frame> {
     numbers.into_iter().map(frame).collect()
+}
+
+/// The frames of these numbers as a format has them.
+fn kept(format: &WritableFormat, numbers: impl IntoIterator<Item = u32>) -> Vec<Frame> {
+    numbers.into_iter().filter_map(|number| format.holds.kept(&frame(number))).collect()
+}
+
+/// Whether a format writes several frames at once.
+fn gathers(format: &WritableFormat) -> bool {
+    let mut writer = (format.writer)(Box::new(io::sink()), &WriteOptions::default());
+    writer.write(&frame(0), "can0").unwrap();
+    writer.pending() > 0
 }
 
 fn parts(memory: &Memory, name: &str, is_numbered: bool, limits: Limits) -> Parts {
