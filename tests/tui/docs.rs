@@ -17,7 +17,9 @@ pub fn is_current(name: &str, text: &str) {
         fs::write(&path, text).unwrap();
     }
     let found = fs::read_to_string(&path).unwrap_or_default();
-    assert_eq!(found, text, "docs/{name} is stale: COBSCOPE_BLESS=1 cargo test --workspace");
+    let differs = found.lines().zip(text.lines()).position(|(found, now)| found != now);
+    let line = differs.unwrap_or_else(|| found.lines().count().min(text.lines().count())) + 1;
+    assert!(found == text, "docs/{name}:{line} is stale: COBSCOPE_BLESS=1 cargo test --workspace");
 }
 
 /// Names of the subcommands, as the help of `command` lists them.
