@@ -17,7 +17,7 @@ pub fn is_compressed(head: &[u8]) -> bool {
 ///
 /// # Errors
 /// When the source fails, or it is compressed in a way this build leaves out.
-pub fn decompress<'a>(mut source: impl BufRead + 'a) -> std::io::Result<Box<dyn Read + 'a>> {
+pub fn decompress<'a>(mut source: impl BufRead + Send + 'a) -> std::io::Result<Box<dyn Read + Send + 'a>> {
     let head = source.fill_buf()?;
     if head.starts_with(GZIP) {
         return gzip(source);
@@ -30,22 +30,22 @@ pub fn decompress<'a>(mut source: impl BufRead + 'a) -> std::io::Result<Box<dyn 
 
 #[cfg(feature = "gzip")]
 #[expect(clippy::unnecessary_wraps, reason = "one signature with and without the feature")]
-fn gzip<'a>(source: impl BufRead + 'a) -> std::io::Result<Box<dyn Read + 'a>> {
+fn gzip<'a>(source: impl BufRead + Send + 'a) -> std::io::Result<Box<dyn Read + Send + 'a>> {
     Ok(Box::new(flate2::bufread::MultiGzDecoder::new(source)))
 }
 
 #[cfg(not(feature = "gzip"))]
-fn gzip<'a>(_source: impl BufRead + 'a) -> std::io::Result<Box<dyn Read + 'a>> {
+fn gzip<'a>(_source: impl BufRead + Send + 'a) -> std::io::Result<Box<dyn Read + Send + 'a>> {
     Err(std::io::Error::other("gzip capture, but this build leaves out the feature `gzip`"))
 }
 
 #[cfg(feature = "zstd")]
-fn zstd<'a>(source: impl BufRead + 'a) -> std::io::Result<Box<dyn Read + 'a>> {
+fn zstd<'a>(source: impl BufRead + Send + 'a) -> std::io::Result<Box<dyn Read + Send + 'a>> {
     Ok(Box::new(zstd::stream::read::Decoder::with_buffer(source)?))
 }
 
 #[cfg(not(feature = "zstd"))]
-fn zstd<'a>(_source: impl BufRead + 'a) -> std::io::Result<Box<dyn Read + 'a>> {
+fn zstd<'a>(_source: impl BufRead + Send + 'a) -> std::io::Result<Box<dyn Read + Send + 'a>> {
     Err(std::io::Error::other("zstd capture, but this build leaves out the feature `zstd`"))
 }
 

@@ -94,6 +94,11 @@ trait Watcher: Observer {
         false
     }
 
+    /// Whether another core may read meanwhile: it is not if others judge their captures on it.
+    fn has_another_core(&self) -> bool {
+        true
+    }
+
     /// The first frame of a capture, before any event of it.
     ///
     /// # Errors
@@ -156,16 +161,17 @@ fn decode_quietly(
     watcher: &mut dyn Watcher,
 ) -> anyhow::Result<Decoded> {
     let name = || path.display().to_string();
-    let mut capture = source::open(path, &read_options(input))?;
+    let (mut frames, mut progress) =
+        source::open(path, &read_options(input))?.frames(watcher.has_another_core());
     if watcher.is_on_terminal() {
-        capture.progress.hide();
+        progress.hide();
     }
     let mut decoder = Decoder::new(options.clone());
     let mut batch = Batch::new();
     let mut has_frames = false;
     let mut failure = None;
     while !watcher.is_done() {
-        match capture.reader.read(&mut batch) {
+        match frames.read(&mut batch) {
             Ok(true) => {}
             Ok(false) => break,
             Err(error) => {
@@ -177,20 +183,19 @@ fn decode_quietly(
             watcher.begin(first).with_context(name)?;
             has_frames = true;
         }
-        if !push_batch(&mut decoder, &batch, capture.reader.buses(), watcher) {
+        if !push_batch(&mut decoder, &batch, frames.buses(), watcher) {
             break;
         }
-        capture.progress.tick();
+        progress.tick();
     }
-    capture.progress.finish();
-    decoder.finish(capture.reader.buses(), watcher);
+    progress.finish();
+    decoder.finish(frames.buses(), watcher);
     // Of a capture that was not read to its end not all buses are known.
-    let warnings =
-        if watcher.is_done() { Vec::new() } else { unknown_buses(path, options, capture.reader.buses()) };
+    let warnings = if watcher.is_done() { Vec::new() } else { unknown_buses(path, options, frames.buses()) };
     match failure {
         Some(failure) if !has_frames => Err(failure),
         None if !has_frames => anyhow::bail!("{}: holds no frame", path.display()),
-        failure => Ok(Decoded { decoder, format: capture.reader.format().title, failure, warnings }),
+        failure => Ok(Decoded { decoder, format: frames.format().title, failure, warnings }),
     }
 }
 

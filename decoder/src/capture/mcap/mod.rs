@@ -218,15 +218,15 @@ impl Mcap {
     fn record(&mut self, kind: Kind, at: u64, contents: &[u8], is_whole: bool, batch: &mut Batch) -> Step {
         let taken = Step::Took(HEAD.saturating_add(contents.len()));
         match kind {
-            Kind::Chunk => match record::chunk(contents) {
-                Some(chunk) => {
-                    if !self.chunk(&chunk, at, is_whole, batch) {
-                        return Step::Wait;
-                    }
+            Kind::Chunk => {
+                let chunk = record::chunk(contents);
+                if chunk.is_none() && is_whole {
+                    unreadable("chunk: too short".into(), at, batch);
                 }
-                None if is_whole => unreadable("chunk: too short".into(), at, batch),
-                None => {}
-            },
+                if chunk.is_some_and(|chunk| !self.chunk(&chunk, at, is_whole, batch)) {
+                    return Step::Wait;
+                }
+            }
             _ if is_whole => self.records.take(kind, contents, at, batch),
             _ => {}
         }

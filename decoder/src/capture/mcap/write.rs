@@ -153,18 +153,12 @@ impl<W: Write> McapWriter<W> {
     /// # Errors
     /// When the output fails.
     pub fn log(&mut self, time: Option<Timestamp>, level: u8, name: &str, message: &str) -> io::Result<()> {
-        let mut topic = match self.log {
-            Some(topic) => topic,
-            None => {
-                let metadata = BTreeMap::from([(key::COBSCOPE.to_owned(), key::NOTICES.to_owned())]);
-                self.topic(
-                    "/log",
-                    "foxglove.Log",
-                    ("jsonschema", include_str!("log.json")),
-                    "json",
-                    &metadata,
-                )?
-            }
+        let mut topic = if let Some(topic) = self.log {
+            topic
+        } else {
+            let metadata = BTreeMap::from([(key::COBSCOPE.to_owned(), key::NOTICES.to_owned())]);
+            let schema = ("jsonschema", include_str!("log.json"));
+            self.topic("/log", "foxglove.Log", schema, "json", &metadata)?
         };
         let nanoseconds = time.map_or(self.time, |Timestamp(time)| u64::try_from(time).unwrap_or(0));
         let stamp = json!({"sec": nanoseconds / 1_000_000_000, "nsec": nanoseconds % 1_000_000_000});

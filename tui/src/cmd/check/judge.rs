@@ -164,6 +164,10 @@ impl Watcher for Watch {
         !self.is_alone
     }
 
+    fn has_another_core(&self) -> bool {
+        self.is_alone
+    }
+
     fn begin(&mut self, first: &Frame) -> anyhow::Result<()> {
         self.first = first.time;
         Ok(())

@@ -8,15 +8,20 @@ use cobscope_decoder::capture::{Batch, BusNames, Merged, MergedCapture, Reader};
 
 use crate::cli::InputArgs;
 use crate::cmd::input::read_options;
-use crate::source::{self, Arranged, Progress, Store, arrange};
+use crate::source::{self, Arranged, Frames, Progress, Store, arrange};
 
 /// Captures being read.
 pub(super) struct Input {
-    merged: Merged<Box<dyn Read>>,
+    reading: Reading,
     names: Vec<String>,
     /// What was read last.
     pub(super) batch: Batch,
     pub(super) progress: Progress,
+}
+
+enum Reading {
+    One(Frames),
+    Several(Merged<Box<dyn Read + Send>>),
 }
 
 impl Input {
@@ -26,14 +31,17 @@ impl Input {
     /// When one cannot be opened or recognised, or when they have no common line of time.
     pub(super) fn open(paths: &[PathBuf], input: &InputArgs, align: bool) -> anyhow::Result<Self> {
         let names: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
-        let (merged, progress) = match paths {
+        let (reading, progress) = match paths {
             [path] => {
-                let source::Capture { reader, progress } = source::open(path, &read_options(input))?;
-                (vec![MergedCapture { reader, group: 0, shift: 0 }], progress)
+                let (frames, progress) = source::open(path, &read_options(input))?.frames(true);
+                (Reading::One(frames), progress)
             }
-            paths => (several(paths, &names, input, align)?, Progress::new(None, std::sync::Arc::default())),
+            paths => {
+                let merged = Merged::new(several(paths, &names, input, align)?);
+                (Reading::Several(merged), Progress::new(None, std::sync::Arc::default()))
+            }
         };
-        Ok(Self { merged: Merged::new(merged), names, batch: Batch::new(), progress })
+        Ok(Self { reading, names, batch: Batch::new(), progress })
     }
 
     /// Reads on; false at the end.
@@ -41,12 +49,18 @@ impl Input {
     /// # Errors
     /// When a capture cannot be read any further; the others can.
     pub(super) fn read(&mut self) -> anyhow::Result<bool> {
-        let read = self.merged.read(&mut self.batch);
+        let read = match &mut self.reading {
+            Reading::One(frames) => frames.read(&mut self.batch),
+            Reading::Several(merged) => merged.read(&mut self.batch),
+        };
         read.with_context(|| self.names())
     }
 
     pub(super) fn buses(&self) -> &BusNames {
-        self.merged.buses()
+        match &self.reading {
+            Reading::One(frames) => frames.buses(),
+            Reading::Several(merged) => merged.buses(),
+        }
     }
 
     /// What the captures are called.
@@ -60,7 +74,7 @@ fn several(
     names: &[String],
     input: &InputArgs,
     align: bool,
-) -> anyhow::Result<Vec<MergedCapture<Box<dyn Read>>>> {
+) -> anyhow::Result<Vec<MergedCapture<Box<dyn Read + Send>>>> {
     let options = read_options(input);
     let (mut stores, mut firsts) = (Vec::new(), Vec::new());
     for (path, name) in paths.iter().zip(names) {
@@ -74,7 +88,7 @@ fn several(
     let arranged = arrange(names, &firsts, align)?;
     let captures =
         stores.iter().zip(arranged).zip(names).map(|((store, Arranged { group, shift }), name)| {
-            let source: Box<dyn Read> = Box::new(store.reader(0));
+            let source: Box<dyn Read + Send> = Box::new(store.reader(0));
             let reader = Reader::open(source, &options).with_context(|| name.clone())?;
             Ok(MergedCapture { reader, group, shift })
         });
