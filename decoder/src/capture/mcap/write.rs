@@ -92,6 +92,8 @@ impl<W: Write> McapWriter<W> {
             .compression_threads(0)
             .compression_level(u32::from(packing == Packing::Zstd))
             .chunk_size(Some(CHUNK))
+            // Each chunk has a checksum of its own; a second one of the same bytes costs as much again.
+            .calculate_data_section_crc(false)
             .library("cobscope")
             .disable_seeking(true);
         let file = options.create(NoSeek::new(output)).map_err(|error| Some(to_io(error)));
