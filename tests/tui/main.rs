@@ -9,6 +9,7 @@ mod dbc;
 mod docs;
 mod eds;
 mod explain;
+mod exports;
 mod filter;
 mod journeys;
 mod live;

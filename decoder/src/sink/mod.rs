@@ -2,10 +2,13 @@
 
 mod ascii;
 pub mod csv;
+pub mod csv_wide;
 pub mod findings;
 pub mod jsonl;
 #[cfg(feature = "mcap")]
 pub mod mcap;
+#[cfg(feature = "parquet")]
+pub mod parquet;
 pub mod table;
 pub mod text;
 mod values;

@@ -1,6 +1,9 @@
 //! Values that come together: those of a PDO, of a J1939 group, of a message that a database describes.
 
+use std::collections::HashMap;
 use std::sync::Arc;
+
+use foldhash::fast::FixedState;
 
 use crate::event::{Event, EventKind};
 use crate::frame::{BusIndex, CanId};
@@ -24,6 +27,26 @@ pub(super) enum Group {
     Parameters(BusIndex, u8, u32),
     /// A message of a database.
     Frame(BusIndex, CanId),
+}
+
+/// What is remembered of each group as long as its layout stays.
+pub(super) struct Groups<T>(HashMap<Group, (Arc<Layout>, T), FixedState>);
+
+impl<T> Default for Groups<T> {
+    fn default() -> Self {
+        Self(HashMap::default())
+    }
+}
+
+impl<T> Groups<T> {
+    /// What is known of a group; learnt when it comes for the first time, or is laid out anew.
+    pub(super) fn of(&mut self, carried: &Carried<'_>, learn: impl FnOnce() -> T) -> Option<&mut T> {
+        let known = self.0.get(&carried.group);
+        if !known.is_some_and(|(layout, _)| Arc::ptr_eq(layout, carried.layout)) {
+            self.0.insert(carried.group, (Arc::clone(carried.layout), learn()));
+        }
+        self.0.get_mut(&carried.group).map(|(_, known)| known)
+    }
 }
 
 /// The values of an event, if it has any whose meaning is known.

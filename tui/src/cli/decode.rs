@@ -62,9 +62,14 @@ pub enum Format {
     Jsonl,
     /// The values of PDOs and messages: a line a value, with units
     Csv,
+    /// The same values: a line an event, a column a signal
+    CsvWide,
     /// Frames, values, events and log lines for Foxglove and PlotJuggler; wants -o
     #[cfg(feature = "mcap")]
     Mcap,
+    /// Events and values for DuckDB, Polars and Spark, as two files NAME.events.parquet and NAME.signals.parquet; wants -o NAME
+    #[cfg(feature = "parquet")]
+    Parquet,
     /// Nothing: reads and decodes only
     None,
 }

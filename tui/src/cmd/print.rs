@@ -1,10 +1,15 @@
 //! Events on their way to lines: judged, chosen, printed.
 
+use std::fs::File;
 use std::io::{IsTerminal as _, Write};
+#[cfg(feature = "parquet")]
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 #[cfg(feature = "mcap")]
 use std::time::{Duration, Instant};
 
+#[cfg(feature = "parquet")]
+use anyhow::Context as _;
 use anyhow::ensure;
 use cobscope_decoder::capture::{BusNames, Notice};
 use cobscope_decoder::event::{Event, EventKind};
@@ -14,9 +19,12 @@ use cobscope_decoder::frame::Frame;
 use cobscope_decoder::rules::{Engine, Judge, Setup};
 use cobscope_decoder::session::{Bus, Observer};
 use cobscope_decoder::sink::csv::Csv;
+use cobscope_decoder::sink::csv_wide::{CsvWide, MOST_COLUMNS};
 use cobscope_decoder::sink::jsonl::Jsonl;
 #[cfg(feature = "mcap")]
 use cobscope_decoder::sink::mcap::Mcap;
+#[cfg(feature = "parquet")]
+use cobscope_decoder::sink::parquet::Parquet;
 use cobscope_decoder::sink::text::{self, PdoLines, Text, TextOptions};
 
 use super::{Watcher, is_colored, output};
@@ -102,8 +110,11 @@ enum Sink {
     Text(Text<Output>),
     Jsonl(Jsonl<Output>),
     Csv(Csv<Output>),
+    CsvWide(Box<CsvWide<Output, File>>),
     #[cfg(feature = "mcap")]
     Mcap(Box<Mcap<Output>>),
+    #[cfg(feature = "parquet")]
+    Parquet(Box<Parquet<Output>>),
     None,
 }
 
@@ -125,8 +136,11 @@ impl Printer {
             Format::Text => Sink::Text(Text::new(output(to)?, text_options(arguments, pdo))),
             Format::Jsonl => Sink::Jsonl(Jsonl::new(output(to)?)),
             Format::Csv => Sink::Csv(Csv::new(output(to)?)),
+            Format::CsvWide => Sink::CsvWide(Box::new(CsvWide::new(output(to)?, tempfile::tempfile()?))),
             #[cfg(feature = "mcap")]
             Format::Mcap => Sink::Mcap(Box::new(Mcap::new(output(to)?, arguments.packing.into()))),
+            #[cfg(feature = "parquet")]
+            Format::Parquet => Sink::Parquet(Box::new(parquet(to)?)),
         };
         let selection = Selection::new(select);
         let prints = arguments.output.is_none() && arguments.format != Format::None;
@@ -147,8 +161,11 @@ impl Printer {
             Sink::Text(text) => text.has_failed(),
             Sink::Jsonl(jsonl) => jsonl.has_failed(),
             Sink::Csv(csv) => csv.has_failed(),
+            Sink::CsvWide(csv) => csv.has_failed(),
             #[cfg(feature = "mcap")]
             Sink::Mcap(mcap) => mcap.has_failed(),
+            #[cfg(feature = "parquet")]
+            Sink::Parquet(parquet) => parquet.has_failed(),
             Sink::None => false,
         }
     }
@@ -165,6 +182,9 @@ impl Printer {
         match &mut self.sink {
             Sink::Text(text) => text.heading(&format!("== {name}")),
             Sink::Jsonl(jsonl) => jsonl.set_capture(Some(name.to_owned())),
+            Sink::CsvWide(csv) => csv.begin_capture(),
+            #[cfg(feature = "parquet")]
+            Sink::Parquet(parquet) => parquet.set_capture(Some(name.to_owned())),
             _ => {}
         }
     }
@@ -183,7 +203,10 @@ impl Printer {
             }
             #[cfg(feature = "mcap")]
             Sink::Mcap(_) => Ok(()),
-            Sink::None => Ok(()),
+            // Nobody can read it before its end.
+            #[cfg(feature = "parquet")]
+            Sink::Parquet(_) => Ok(()),
+            Sink::CsvWide(_) | Sink::None => Ok(()),
         }
     }
 
@@ -192,6 +215,9 @@ impl Printer {
         match &mut self.sink {
             #[cfg(feature = "mcap")]
             Sink::Mcap(mcap) => mcap.finish(),
+            #[cfg(feature = "parquet")]
+            Sink::Parquet(parquet) => parquet.finish(),
+            Sink::CsvWide(csv) => csv.finish().inspect(|()| tell_left_out(csv.left_out())),
             _ => self.flush(),
         }
     }
@@ -262,11 +288,45 @@ impl Observer for Printer {
         match &mut self.sink {
             Sink::Jsonl(jsonl) => jsonl.write(event, bus),
             Sink::Csv(csv) => csv.write(event, bus),
+            Sink::CsvWide(csv) => csv.write(event, bus),
             #[cfg(feature = "mcap")]
             Sink::Mcap(mcap) => mcap.write(event, bus),
+            #[cfg(feature = "parquet")]
+            Sink::Parquet(parquet) => parquet.write(event, bus),
             Sink::Text(_) | Sink::None => {}
         }
     }
+}
+
+fn tell_left_out(values: u64) {
+    if values > 0 {
+        let _ = writeln!(
+            std::io::stderr(),
+            "cobscope: {values} values of further signals are left out: there is a column for {MOST_COLUMNS}; --filter chooses, \
+             -f csv has all"
+        );
+    }
+}
+
+/// Two files whose names begin alike.
+#[cfg(feature = "parquet")]
+fn parquet(to: Option<&Path>) -> anyhow::Result<Parquet<Output>> {
+    let to = to.context("this format is two files; name them with -o NAME")?;
+    let (events, signals) = (beside(to, "events")?, beside(to, "signals")?);
+    let parquet = Parquet::new(output(Some(&events))?, output(Some(&signals))?)
+        .with_context(|| format!("{}: cannot be written", to.display()))?;
+    let _ = writeln!(std::io::stderr(), "cobscope: writing {} and {}", events.display(), signals.display());
+    Ok(parquet)
+}
+
+/// `run.parquet` or `run` to `run.events.parquet`.
+#[cfg(feature = "parquet")]
+fn beside(path: &Path, what: &str) -> anyhow::Result<PathBuf> {
+    let is_parquet = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("parquet"));
+    let stem = if is_parquet { path.file_stem() } else { path.file_name() };
+    let mut name = stem.with_context(|| format!("{}: names no file", path.display()))?.to_owned();
+    name.push(format!(".{what}.parquet"));
+    Ok(path.with_file_name(name))
 }
 
 #[cfg(feature = "mcap")]

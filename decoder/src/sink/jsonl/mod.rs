@@ -14,43 +14,27 @@ use prepared::Prepared;
 /// Writes events as JSON Lines. The first write error is kept and ends all writing.
 pub struct Jsonl<W> {
     output: W,
-    capture: Option<String>,
-    prepared: Prepared,
-    line: Vec<u8>,
+    lines: Lines,
     error: Option<io::Error>,
 }
 
 impl<W: Write> Jsonl<W> {
     /// Writes to `output`, which should be buffered.
     pub fn new(output: W) -> Self {
-        Self {
-            output,
-            capture: None,
-            prepared: Prepared::default(),
-            line: Vec::with_capacity(1024),
-            error: None,
-        }
+        Self { output, lines: Lines::default(), error: None }
     }
 
     /// Names the capture in every following line.
     pub fn set_capture(&mut self, capture: Option<String>) {
-        self.capture = capture;
-        self.prepared = Prepared::default();
+        self.lines.set_capture(capture);
     }
 
     /// Writes one event.
     #[inline]
     pub fn write(&mut self, event: &Event, bus: &Bus) {
-        if self.error.is_some() {
-            return;
+        if self.error.is_none() {
+            self.error = self.output.write_all(self.lines.of(event, bus)).err();
         }
-        self.line.clear();
-        if !self.prepared.write(event, bus, &mut self.line) {
-            self.line.clear();
-            let marks = write_line(event, bus, self.capture.as_deref(), &mut self.line);
-            self.prepared.learn(event, bus, &self.line, marks);
-        }
-        self.error = self.output.write_all(&self.line).err();
     }
 
     /// Flushes; gives the first error of all writing.
@@ -67,6 +51,34 @@ impl<W: Write> Jsonl<W> {
     /// Whether writing failed, so that more work is in vain.
     pub fn has_failed(&self) -> bool {
         self.error.is_some()
+    }
+}
+
+/// Makes lines of events, each in the same memory.
+#[derive(Default)]
+pub(super) struct Lines {
+    capture: Option<String>,
+    prepared: Prepared,
+    line: Vec<u8>,
+}
+
+impl Lines {
+    /// Names the capture in every following line.
+    pub(super) fn set_capture(&mut self, capture: Option<String>) {
+        self.capture = capture;
+        self.prepared = Prepared::default();
+    }
+
+    /// The line of an event, with its end.
+    #[inline]
+    pub(super) fn of(&mut self, event: &Event, bus: &Bus) -> &[u8] {
+        self.line.clear();
+        if !self.prepared.write(event, bus, &mut self.line) {
+            self.line.clear();
+            let marks = write_line(event, bus, self.capture.as_deref(), &mut self.line);
+            self.prepared.learn(event, bus, &self.line, marks);
+        }
+        &self.line
     }
 }
 

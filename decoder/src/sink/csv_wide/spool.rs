@@ -1,0 +1,182 @@
+//! Rows that wait: what stands in front of each, and its cells in the order of their columns.
+//!
+//! ```text
+//! row    length of what follows (4 bytes), length (4 bytes) and bytes of what stands before, cells
+//! cell   column (2 bytes), length (4 bytes) and bytes
+//! ```
+
+use std::io::{self, BufReader, BufWriter, Read, Seek, Write};
+use std::ops::Range;
+
+/// Bytes written and read at once.
+const BUFFER: usize = 64 * 1024;
+
+/// Rows on their way into a spool.
+pub(super) struct Spool<S: Write> {
+    /// None when they were taken out.
+    file: Option<BufWriter<S>>,
+    rows: u64,
+    /// Bytes of the present row: what stands before, then cells.
+    row: Vec<u8>,
+    /// Where the cells begin.
+    cells: Vec<(u16, usize)>,
+    packed: Vec<u8>,
+}
+
+/// Rows on their way out of it.
+pub(super) struct Rows<S> {
+    file: BufReader<S>,
+    left: u64,
+    row: Vec<u8>,
+}
+
+/// A row that waited.
+pub(super) struct Row<'a> {
+    pub(super) before: &'a [u8],
+    pub(super) cells: Cells<'a>,
+}
+
+/// The cells of a row, by column.
+pub(super) struct Cells<'a>(&'a [u8]);
+
+impl<S: Read + Write + Seek> Spool<S> {
+    pub(super) fn new(file: S) -> Self {
+        let file = Some(BufWriter::with_capacity(BUFFER, file));
+        Self { file, rows: 0, row: Vec::new(), cells: Vec::new(), packed: Vec::new() }
+    }
+
+    /// Begins a row; what stands before its cells is to be appended.
+    pub(super) fn begin(&mut self) -> &mut Vec<u8> {
+        self.row.clear();
+        self.cells.clear();
+        &mut self.row
+    }
+
+    /// Begins a cell of the row, whose bytes are to be appended.
+    pub(super) fn cell(&mut self, column: u16) -> &mut Vec<u8> {
+        self.cells.push((column, self.row.len()));
+        &mut self.row
+    }
+
+    /// Ends the row; one without cells is dropped.
+    ///
+    /// # Errors
+    /// When the spool takes no more.
+    pub(super) fn end(&mut self) -> io::Result<()> {
+        let Some(file) = self.file.as_mut().filter(|_| !self.cells.is_empty()) else { return Ok(()) };
+        let ends = self.cells.iter().skip(1).map(|(_, start)| *start).chain([self.row.len()]);
+        let mut cells: Vec<(u16, Range<usize>)> =
+            self.cells.iter().zip(ends).map(|((column, start), end)| (*column, *start..end)).collect();
+        cells.sort_unstable_by_key(|(column, _)| *column);
+        self.packed.clear();
+        let before = self.cells.first().map_or(0, |(_, start)| *start);
+        push_piece(&mut self.packed, self.row.get(..before))?;
+        for (column, bytes) in cells {
+            self.packed.extend_from_slice(&column.to_le_bytes());
+            push_piece(&mut self.packed, self.row.get(bytes))?;
+        }
+        file.write_all(&length(&self.packed)?)?;
+        self.rows += 1;
+        file.write_all(&self.packed)
+    }
+
+    /// All rows from the first one on; none when they were taken before.
+    ///
+    /// # Errors
+    /// When the last of them cannot be written.
+    pub(super) fn take(&mut self) -> io::Result<Option<Rows<S>>> {
+        let Some(file) = self.file.take() else { return Ok(None) };
+        let mut file = file.into_inner().map_err(io::IntoInnerError::into_error)?;
+        file.rewind()?;
+        let file = BufReader::with_capacity(BUFFER, file);
+        Ok(Some(Rows { file, left: self.rows, row: Vec::new() }))
+    }
+}
+
+fn push_piece(packed: &mut Vec<u8>, bytes: Option<&[u8]>) -> io::Result<()> {
+    let bytes = bytes.unwrap_or_default();
+    packed.extend_from_slice(&length(bytes)?);
+    packed.extend_from_slice(bytes);
+    Ok(())
+}
+
+fn length(bytes: &[u8]) -> io::Result<[u8; 4]> {
+    let length = u32::try_from(bytes.len()).map_err(|_| io::Error::other("a row has more than 4 GiB"))?;
+    Ok(length.to_le_bytes())
+}
+
+impl<S: Read> Rows<S> {
+    /// The next row; none behind the last one.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub(super) fn next(&mut self) -> io::Result<Option<Row<'_>>> {
+        if self.left == 0 {
+            return Ok(None);
+        }
+        self.left -= 1;
+        let mut length = [0; 4];
+        self.file.read_exact(&mut length)?;
+        self.row.resize(u32::from_le_bytes(length) as usize, 0);
+        self.file.read_exact(&mut self.row)?;
+        let mut rest = self.row.as_slice();
+        let before = take_piece(&mut rest).unwrap_or_default();
+        Ok(Some(Row { before, cells: Cells(rest) }))
+    }
+}
+
+impl<'a> Iterator for Cells<'a> {
+    type Item = (u16, &'a [u8]);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let (column, rest) = self.0.split_first_chunk()?;
+        self.0 = rest;
+        Some((u16::from_le_bytes(*column), take_piece(&mut self.0)?))
+    }
+}
+
+fn take_piece<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
+    let (length, behind) = rest.split_first_chunk()?;
+    let (piece, behind) = behind.split_at_checked(u32::from_le_bytes(*length) as usize)?;
+    *rest = behind;
+    Some(piece)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+
+    use super::*;
+
+    #[test]
+    fn rows_come_back_with_their_cells_by_column() {
+        let mut spool = Spool::new(Cursor::new(Vec::new()));
+        spool.begin().extend_from_slice(b"1.0,can0,7");
+        spool.cell(3).extend_from_slice(b",-2");
+        spool.cell(0).extend_from_slice(b",text");
+        spool.end().unwrap();
+        spool.begin().extend_from_slice(b"a row without cells");
+        spool.end().unwrap();
+        spool.begin();
+        spool.cell(1);
+        spool.end().unwrap();
+        let mut rows = spool.take().unwrap().unwrap();
+        let row = rows.next().unwrap().unwrap();
+        assert_eq!(row.before, b"1.0,can0,7");
+        assert_eq!(row.cells.collect::<Vec<_>>(), [(0, b",text".as_slice()), (3, b",-2")]);
+        let row = rows.next().unwrap().unwrap();
+        assert_eq!((row.before, row.cells.collect::<Vec<_>>()), (b"".as_slice(), vec![(1, b"".as_slice())]));
+        assert!(rows.next().unwrap().is_none());
+        assert!(spool.take().unwrap().is_none());
+    }
+
+    #[test]
+    fn a_spool_that_is_full_says_so() {
+        let mut place = [0; 8];
+        let mut spool = Spool::new(Cursor::new(place.as_mut_slice()));
+        spool.begin().extend_from_slice(b"1.0,can0,7");
+        spool.cell(0);
+        spool.end().unwrap();
+        assert!(spool.take().is_err());
+    }
+}

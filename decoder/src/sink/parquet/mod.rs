@@ -1,0 +1,215 @@
+//! Events and their values as two Parquet files, for DuckDB, Polars and Spark.
+//!
+//! ```text
+//! signals  a row a value, as in CSV; values that are no number stand in `text`
+//! events   a row an event, with the line for people and the object of JSON Lines
+//! ```
+
+mod table;
+
+use std::io::{self, Write};
+
+use super::jsonl::Lines;
+use super::text::Line;
+use super::values::{self, Carried, Groups};
+use crate::event::Event;
+use crate::frame::Timestamp;
+use crate::query::record::{FieldValue, protocol};
+use crate::session::Bus;
+use table::{Cell, Heading, Kind, Table, always, maybe};
+
+const SIGNALS: &[Heading] = &[
+    maybe("time", Kind::Time),
+    maybe("capture", Kind::Name),
+    always("bus", Kind::Name),
+    always("frame", Kind::Rising),
+    maybe("node", Kind::Number),
+    maybe("device", Kind::Name),
+    always("group", Kind::Name),
+    always("signal", Kind::Name),
+    always("id", Kind::Name),
+    maybe("value", Kind::Real),
+    maybe("text", Kind::Name),
+    maybe("unit", Kind::Name),
+    maybe("label", Kind::Name),
+    always("raw", Kind::Bits),
+];
+
+const EVENTS: &[Heading] = &[
+    maybe("time", Kind::Time),
+    maybe("capture", Kind::Name),
+    always("bus", Kind::Name),
+    always("first_frame", Kind::Rising),
+    always("last_frame", Kind::Rising),
+    always("kind", Kind::Name),
+    always("protocol", Kind::Name),
+    maybe("node", Kind::Number),
+    maybe("node_name", Kind::Name),
+    maybe("device", Kind::Name),
+    always("presumed", Kind::Truth),
+    always("routine", Kind::Truth),
+    always("text", Kind::Text),
+    always("json", Kind::Json),
+];
+
+/// Writes events and values as Parquet. The first write error is kept and ends all writing.
+pub struct Parquet<W: Write + Send> {
+    events: Table<W>,
+    signals: Table<W>,
+    lines: Lines,
+    groups: Groups<Named>,
+    capture: Option<String>,
+    error: Option<io::Error>,
+}
+
+/// What a group and its fields are called.
+struct Named {
+    group: String,
+    /// Name and identity of each field of the layout.
+    fields: Vec<(String, String)>,
+}
+
+impl<W: Write + Send> Parquet<W> {
+    /// Begins both files.
+    ///
+    /// # Errors
+    /// When they cannot be written.
+    pub fn new(events: W, signals: W) -> io::Result<Self> {
+        Ok(Self {
+            events: Table::new(events, EVENTS)?,
+            signals: Table::new(signals, SIGNALS)?,
+            lines: Lines::default(),
+            groups: Groups::default(),
+            capture: None,
+            error: None,
+        })
+    }
+
+    /// Names the capture in every following row.
+    pub fn set_capture(&mut self, capture: Option<String>) {
+        // Its buses have names of their own.
+        self.groups = Groups::default();
+        self.lines.set_capture(capture.clone());
+        self.capture = capture;
+    }
+
+    /// Writes an event and its values.
+    pub fn write(&mut self, event: &Event, bus: &Bus) {
+        if self.error.is_none() {
+            let written = self.event(event, bus).and_then(|()| match values::carried(event) {
+                Some(carried) => self.values(event, bus, &carried),
+                None => Ok(()),
+            });
+            self.error = written.err();
+        }
+    }
+
+    fn event(&mut self, event: &Event, bus: &Bus) -> io::Result<()> {
+        let words = Line::of(event, bus);
+        let blank = if words.who.is_empty() { "" } else { " " };
+        let text = format!("{}{blank}{} {}", words.who, words.kind, words.what);
+        let json = String::from_utf8_lossy(self.lines.of(event, bus).trim_ascii_end());
+        let node = event.node.and_then(|node| bus.node(node));
+        self.events.push(&[
+            time(event),
+            Cell::text(self.capture.as_deref()),
+            Cell::Text(bus.name()),
+            Cell::Number(event.frames.first.cast_signed()),
+            Cell::Number(event.frames.last.cast_signed()),
+            Cell::Text(event.kind.name()),
+            Cell::Text(protocol(event.protocol)),
+            number(event),
+            Cell::text(node.and_then(|node| node.name())),
+            Cell::text(node.and_then(|node| node.device_id())),
+            Cell::Truth(event.presumed),
+            Cell::Truth(event.routine),
+            Cell::Text(&text),
+            Cell::Text(&json),
+        ])
+    }
+
+    fn values(&mut self, event: &Event, bus: &Bus, carried: &Carried<'_>) -> io::Result<()> {
+        let Some(named) = self.groups.of(carried, || Named::of(carried, bus)) else { return Ok(()) };
+        let device = event.node.and_then(|node| bus.node(node)).and_then(|node| node.device_id());
+        let mut fields = carried.layout.fields.iter().zip(&named.fields);
+        for signal in carried.layout.signals(carried.payload) {
+            // Fields that are not there leave a gap: which name is a field's is told by its place.
+            let Some((_, (name, id))) = fields.find(|(field, _)| std::ptr::eq(*field, signal.field)) else {
+                continue;
+            };
+            let told = values::told(&signal);
+            let mut hex = String::new();
+            let (value, text) = cells(told.value, &mut hex);
+            let unit = values::unit(signal.field);
+            self.signals.push(&[
+                time(event),
+                Cell::text(self.capture.as_deref()),
+                Cell::Text(bus.name()),
+                Cell::Number(event.frames.last.cast_signed()),
+                number(event),
+                Cell::text(device),
+                Cell::Text(&named.group),
+                Cell::Text(name),
+                Cell::Text(id),
+                value,
+                text,
+                if unit.is_empty() { Cell::Null } else { Cell::Text(unit) },
+                Cell::text(told.label),
+                Cell::Number(signal.raw.cast_signed()),
+            ])?;
+        }
+        Ok(())
+    }
+
+    /// Ends both files; gives the first error of all writing.
+    ///
+    /// # Errors
+    /// When anything could not be written.
+    pub fn finish(&mut self) -> io::Result<()> {
+        match self.error.take() {
+            Some(error) => Err(error),
+            // Of two files one that can be read is better than none.
+            None => self.events.finish().and(self.signals.finish()),
+        }
+    }
+
+    /// Whether writing failed, so that more work is in vain.
+    pub fn has_failed(&self) -> bool {
+        self.error.is_some()
+    }
+}
+
+impl Named {
+    fn of(carried: &Carried<'_>, bus: &Bus) -> Self {
+        let fields = carried.layout.fields.iter();
+        let fields = fields.map(|field| (values::field_name(field), field.id.to_string())).collect();
+        Self { group: values::name(carried.group, bus), fields }
+    }
+}
+
+fn time(event: &Event) -> Cell<'static> {
+    event.time.map_or(Cell::Null, |Timestamp(time)| Cell::Number(time))
+}
+
+fn number(event: &Event) -> Cell<'static> {
+    event.node.map_or(Cell::Null, |node| Cell::Number(i64::from(node.number())))
+}
+
+/// A value as a number, or what is no number as text.
+#[expect(clippy::cast_precision_loss, reason = "raw is exact")]
+fn cells<'a>(value: FieldValue<'a>, hex: &'a mut String) -> (Cell<'a>, Cell<'a>) {
+    let number = match value {
+        FieldValue::Unsigned(value) => value as f64,
+        FieldValue::Integer(value) => value as f64,
+        FieldValue::Real(value) if value.is_finite() => value,
+        FieldValue::Text(text) => return (Cell::Null, Cell::Text(text)),
+        FieldValue::Bytes(bytes) => {
+            let mut digits = Vec::new();
+            super::ascii::push_hex(&mut digits, bytes);
+            *hex = String::from_utf8_lossy(&digits).into_owned();
+            return (Cell::Null, Cell::Text(hex));
+        }
+        _ => return (Cell::Null, Cell::Null),
+    };
+    (Cell::Real(number), Cell::Null)
+}

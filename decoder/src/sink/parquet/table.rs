@@ -1,0 +1,398 @@
+//! One Parquet file: rows gathered column by column, written a group of rows at a time.
+
+use std::collections::HashMap;
+use std::io::{self, Write};
+use std::mem;
+use std::sync::Arc;
+
+use foldhash::fast::FixedState;
+use parquet::basic::{Compression, Encoding, LogicalType, Repetition, TimeUnit, Type as Physical, ZstdLevel};
+use parquet::data_type::{BoolType, ByteArray, ByteArrayType, DoubleType, Int64Type};
+use parquet::errors::ParquetError;
+use parquet::file::metadata::KeyValue;
+use parquet::file::properties::{EnabledStatistics, WriterProperties};
+use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
+use parquet::schema::types::{ColumnPath, Type, TypePtr};
+
+use crate::sink::escape;
+
+/// Rows of a group at most. All that is held of a capture is one group, and some hundred bytes for each one before.
+const MOST_ROWS: usize = 64 * 1024;
+
+/// Bytes gathered before a group ends, whatever its rows.
+const MOST_BYTES: usize = 8 * 1024 * 1024;
+
+/// What a column holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Nanoseconds since 1970, UTC.
+    Time,
+    /// Numbers with a sign that mostly rise.
+    Rising,
+    /// Numbers with a sign.
+    Number,
+    /// Numbers of 64 bits without a sign, as [`Cell::Number`] with the same bits.
+    Bits,
+    /// Numbers with a fraction.
+    Real,
+    /// True or false.
+    Truth,
+    /// Texts that come again and again.
+    Name,
+    /// Texts of which each is another one.
+    Text,
+    /// JSON; as it is, while all other texts are escaped.
+    Json,
+}
+
+/// A column of a table.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Heading {
+    pub(super) name: &'static str,
+    pub(super) kind: Kind,
+    /// Whether it may hold [`Cell::Null`].
+    pub(super) is_optional: bool,
+}
+
+/// A column that has a value in every row.
+pub(super) const fn always(name: &'static str, kind: Kind) -> Heading {
+    Heading { name, kind, is_optional: false }
+}
+
+/// A column that may have none.
+pub(super) const fn maybe(name: &'static str, kind: Kind) -> Heading {
+    Heading { name, kind, is_optional: true }
+}
+
+/// A value of a row.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Cell<'a> {
+    Null,
+    Number(i64),
+    Real(f64),
+    Truth(bool),
+    Text(&'a str),
+}
+
+impl<'a> Cell<'a> {
+    /// Null for what is not there.
+    pub(super) fn text(text: Option<&'a str>) -> Self {
+        text.map_or(Self::Null, Self::Text)
+    }
+}
+
+/// Writes a table.
+pub(super) struct Table<W: Write + Send> {
+    file: SerializedFileWriter<W>,
+    columns: Vec<Column>,
+    rows: usize,
+    bytes: usize,
+}
+
+impl<W: Write + Send> Table<W> {
+    /// Begins a file of these columns.
+    ///
+    /// # Errors
+    /// When its first bytes cannot be written.
+    pub(super) fn new(output: W, headings: &[Heading]) -> io::Result<Self> {
+        let begun = schema(headings)
+            .and_then(|schema| SerializedFileWriter::new(output, schema, Arc::new(properties(headings)?)));
+        let columns = headings.iter().map(Column::new).collect();
+        Ok(Self { file: begun.map_err(io_error)?, columns, rows: 0, bytes: 0 })
+    }
+
+    /// Adds a row, in the order of the headings.
+    ///
+    /// # Errors
+    /// When a group of rows is full and cannot be written.
+    pub(super) fn push(&mut self, cells: &[Cell<'_>]) -> io::Result<()> {
+        for (column, cell) in self.columns.iter_mut().zip(cells) {
+            self.bytes = self.bytes.saturating_add(column.push(*cell));
+        }
+        self.rows += 1;
+        if self.rows >= MOST_ROWS || self.bytes >= MOST_BYTES {
+            return self.end_group();
+        }
+        Ok(())
+    }
+
+    fn end_group(&mut self) -> io::Result<()> {
+        if mem::take(&mut self.rows) == 0 {
+            return Ok(());
+        }
+        self.bytes = 0;
+        self.write_group().map_err(io_error)
+    }
+
+    fn write_group(&mut self) -> Result<(), ParquetError> {
+        let mut group = self.file.next_row_group()?;
+        for column in &mut self.columns {
+            column.write(&mut group)?;
+        }
+        group.close()?;
+        Ok(())
+    }
+
+    /// Writes what is left and the file's index, without which nobody can read it.
+    ///
+    /// # Errors
+    /// When that cannot be written.
+    pub(super) fn finish(&mut self) -> io::Result<()> {
+        self.end_group()?;
+        self.file.finish().map_err(io_error)?;
+        Ok(())
+    }
+}
+
+/// The values of a column in the present group of rows.
+struct Column {
+    is_optional: bool,
+    escapes: bool,
+    /// For each row 1 where it has a value.
+    levels: Vec<i16>,
+    values: Values,
+}
+
+enum Values {
+    Numbers(Vec<i64>),
+    Reals(Vec<f64>),
+    Truths(Vec<bool>),
+    Names(Names),
+    Texts(Texts),
+}
+
+impl Column {
+    fn new(heading: &Heading) -> Self {
+        let values = match heading.kind {
+            Kind::Time | Kind::Rising | Kind::Number | Kind::Bits => Values::Numbers(Vec::new()),
+            Kind::Real => Values::Reals(Vec::new()),
+            Kind::Truth => Values::Truths(Vec::new()),
+            Kind::Name => Values::Names(Names::default()),
+            Kind::Text | Kind::Json => Values::Texts(Texts::default()),
+        };
+        let escapes = heading.kind != Kind::Json;
+        Self { is_optional: heading.is_optional, escapes, levels: Vec::new(), values }
+    }
+
+    /// Adds a value; one of another kind counts as none. Gives the bytes it takes.
+    fn push(&mut self, cell: Cell<'_>) -> usize {
+        let taken = match (&mut self.values, cell) {
+            (Values::Numbers(values), Cell::Number(value)) => {
+                values.push(value);
+                Some(size_of::<i64>())
+            }
+            (Values::Reals(values), Cell::Real(value)) => {
+                values.push(value);
+                Some(size_of::<f64>())
+            }
+            (Values::Truths(values), Cell::Truth(value)) => {
+                values.push(value);
+                Some(size_of::<bool>())
+            }
+            (Values::Names(names), Cell::Text(text)) => Some(names.push(&escape(text))),
+            (Values::Texts(texts), Cell::Text(text)) if self.escapes => Some(texts.push(&escape(text))),
+            (Values::Texts(texts), Cell::Text(text)) => Some(texts.push(text)),
+            _ => None,
+        };
+        self.levels.push(i16::from(taken.is_some()));
+        taken.unwrap_or(0) + size_of::<i16>()
+    }
+
+    /// Writes all values as the next column of a group, and forgets them.
+    fn write<W: Write + Send>(
+        &mut self,
+        group: &mut SerializedRowGroupWriter<'_, W>,
+    ) -> Result<(), ParquetError> {
+        let Some(mut writer) = group.next_column()? else { return Ok(()) };
+        let levels = self.is_optional.then_some(self.levels.as_slice());
+        match &mut self.values {
+            Values::Numbers(values) => {
+                writer.typed::<Int64Type>().write_batch(values, levels, None)?;
+                values.clear();
+            }
+            Values::Reals(values) => {
+                writer.typed::<DoubleType>().write_batch(values, levels, None)?;
+                values.clear();
+            }
+            Values::Truths(values) => {
+                writer.typed::<BoolType>().write_batch(values, levels, None)?;
+                values.clear();
+            }
+            Values::Names(names) => {
+                writer.typed::<ByteArrayType>().write_batch(&names.take(), levels, None)?;
+            }
+            Values::Texts(texts) => {
+                writer.typed::<ByteArrayType>().write_batch(&texts.take(), levels, None)?;
+            }
+        }
+        self.levels.clear();
+        writer.close()
+    }
+}
+
+/// Texts that come again: each is held once.
+#[derive(Default)]
+struct Names {
+    numbers: HashMap<Box<str>, usize, FixedState>,
+    distinct: Vec<ByteArray>,
+    rows: Vec<usize>,
+}
+
+impl Names {
+    fn push(&mut self, text: &str) -> usize {
+        if let Some(number) = self.numbers.get(text) {
+            self.rows.push(*number);
+            return size_of::<usize>();
+        }
+        self.rows.push(self.distinct.len());
+        self.numbers.insert(text.into(), self.distinct.len());
+        self.distinct.push(ByteArray::from(text));
+        // It is held twice.
+        size_of::<usize>() + 2 * (text.len() + size_of::<ByteArray>())
+    }
+
+    fn take(&mut self) -> Vec<ByteArray> {
+        let all = self.rows.iter().filter_map(|number| self.distinct.get(*number).cloned()).collect();
+        self.numbers.clear();
+        self.distinct.clear();
+        self.rows.clear();
+        all
+    }
+}
+
+/// Texts behind each other.
+#[derive(Default)]
+struct Texts {
+    bytes: Vec<u8>,
+    lengths: Vec<usize>,
+}
+
+impl Texts {
+    fn push(&mut self, text: &str) -> usize {
+        self.bytes.extend_from_slice(text.as_bytes());
+        self.lengths.push(text.len());
+        text.len() + size_of::<usize>()
+    }
+
+    fn take(&mut self) -> Vec<ByteArray> {
+        let bytes = ByteArray::from(mem::take(&mut self.bytes));
+        let mut start = 0;
+        let piece = |length| {
+            let piece = bytes.slice(start, length);
+            start += length;
+            piece
+        };
+        self.lengths.drain(..).map(piece).collect()
+    }
+}
+
+fn schema(headings: &[Heading]) -> Result<TypePtr, ParquetError> {
+    let fields = headings.iter().map(|heading| {
+        let (physical, logical) = match heading.kind {
+            Kind::Time => (Physical::INT64, Some(LogicalType::timestamp(true, TimeUnit::NANOS))),
+            Kind::Rising | Kind::Number => (Physical::INT64, None),
+            Kind::Bits => (Physical::INT64, Some(LogicalType::integer(64, false))),
+            Kind::Real => (Physical::DOUBLE, None),
+            Kind::Truth => (Physical::BOOLEAN, None),
+            Kind::Name | Kind::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
+            Kind::Json => (Physical::BYTE_ARRAY, Some(LogicalType::Json)),
+        };
+        let repetition = if heading.is_optional { Repetition::OPTIONAL } else { Repetition::REQUIRED };
+        let field = Type::primitive_type_builder(heading.name, physical);
+        field.with_repetition(repetition).with_logical_type(logical).build().map(Arc::new)
+    });
+    let fields = fields.collect::<Result<Vec<_>, _>>()?;
+    Ok(Arc::new(Type::group_type_builder("cobscope").with_fields(fields).build()?))
+}
+
+fn properties(headings: &[Heading]) -> Result<WriterProperties, ParquetError> {
+    let version = env!("CARGO_PKG_VERSION");
+    let mut properties = WriterProperties::builder()
+        .set_created_by(format!("cobscope version {version}"))
+        .set_key_value_metadata(Some(vec![KeyValue::new("cobscope.version".to_owned(), version.to_owned())]))
+        .set_compression(Compression::ZSTD(ZstdLevel::try_new(3)?))
+        // Of pages nothing is noted: that would be held until the end.
+        .set_statistics_enabled(EnabledStatistics::Chunk)
+        .set_offset_index_disabled(true);
+    for heading in headings {
+        let path = ColumnPath::from(heading.name);
+        properties = match heading.kind {
+            Kind::Time | Kind::Rising => properties
+                .set_column_dictionary_enabled(path.clone(), false)
+                .set_column_encoding(path, Encoding::DELTA_BINARY_PACKED),
+            Kind::Text | Kind::Json => properties.set_column_dictionary_enabled(path, false),
+            _ => properties,
+        };
+    }
+    Ok(properties.build())
+}
+
+/// What went wrong with the output, as the output said it.
+fn io_error(error: ParquetError) -> io::Error {
+    match error {
+        ParquetError::External(inner) => match inner.downcast::<io::Error>() {
+            Ok(error) => *error,
+            Err(other) => io::Error::other(other),
+        },
+        other => io::Error::other(other),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use parquet::file::reader::{FileReader as _, SerializedFileReader};
+
+    use super::*;
+
+    const HEADINGS: &[Heading] = &[
+        maybe("n", Kind::Number),
+        maybe("x", Kind::Real),
+        maybe("b", Kind::Truth),
+        always("s", Kind::Name),
+        maybe("t", Kind::Text),
+        maybe("j", Kind::Json),
+    ];
+
+    /// A table of two rows again and again: all there is, and nothing that need not be there.
+    fn written(rows: usize, text: &str) -> SerializedFileReader<bytes::Bytes> {
+        let mut out = Vec::new();
+        let mut table = Table::new(&mut out, HEADINGS).unwrap();
+        for row in 0..rows {
+            let all = [Cell::Number(-7), Cell::Real(0.5), Cell::Truth(true), Cell::Text("a\x1b")];
+            let little = [Cell::Null, Cell::Null, Cell::Null, Cell::Text("b")];
+            let (row, end) = if row % 2 == 0 { (all, Cell::Text(text)) } else { (little, Cell::Null) };
+            table.push(&[&row[..], &[end, end]].concat()).unwrap();
+        }
+        table.finish().unwrap();
+        drop(table);
+        SerializedFileReader::new(out.into()).unwrap()
+    }
+
+    #[test]
+    fn what_is_written_is_read_escaped_except_json() {
+        let rows: Vec<_> =
+            written(3, "\"\x07\"").get_row_iter(None).unwrap().map(|row| row.unwrap().to_string()).collect();
+        let all = r#"{n: -7, x: 0.5, b: true, s: "a\u{1b}", t: ""\u{7}"", j: ""#.to_owned() + "\"\x07\"\"}";
+        let little = r#"{n: null, x: null, b: null, s: "b", t: null, j: null}"#.to_owned();
+        assert_eq!(rows, [all.clone(), little, all]);
+    }
+
+    #[test]
+    fn groups_of_rows_are_bounded_by_rows_and_bytes() {
+        let rows = |reader: SerializedFileReader<bytes::Bytes>| -> Vec<i64> {
+            reader.metadata().row_groups().iter().map(|group| group.num_rows()).collect()
+        };
+        assert_eq!(rows(written(MOST_ROWS + 1, "{}")), [65_536, 1]);
+        // Each second row takes two texts of 1 MiB: the eighth MiB ends the group.
+        assert_eq!(rows(written(14, &"x".repeat(1024 * 1024))), [7, 7]);
+        assert_eq!(rows(written(0, "")), [0_i64; 0]);
+    }
+
+    #[test]
+    fn the_first_write_error_is_what_the_output_said() {
+        let mut place = [0; 64];
+        let mut table = Table::new(place.as_mut_slice(), &[always("n", Kind::Number)]).unwrap();
+        table.push(&[Cell::Number(1)]).unwrap();
+        assert_eq!(table.finish().unwrap_err().kind(), io::ErrorKind::WriteZero);
+    }
+}

@@ -1,0 +1,268 @@
+//! Values and events for other programs: CSV long and wide, Parquet.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::PathBuf;
+
+use crate::cli::{Output, run};
+
+const SYDFEC: [&str; 3] = ["--node", "2=rexroth-sydfec", "fixtures/devices/sydfec.log"];
+const PVE: [&str; 3] = ["--node", "sa:0x80=danfoss-pve-ci", "fixtures/devices/pve_j1939.log"];
+
+fn ok(arguments: &[&str], input: &str) -> Output {
+    let output = run(arguments, input);
+    assert_eq!(output.code, 0, "{arguments:?}: {}", output.stderr);
+    output
+}
+
+/// A fresh folder of a test.
+fn folder(name: &str) -> PathBuf {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("exports").join(name);
+    let _ = fs::remove_dir_all(&path);
+    fs::create_dir_all(&path).unwrap();
+    path
+}
+
+/// Lines of CSV as RFC 4180 has them; no cell here holds the end of a line.
+fn table(text: &str) -> Vec<Vec<String>> {
+    let cells = |line: &str| {
+        let mut cells = vec![String::new()];
+        let mut quoted = false;
+        for letter in line.chars() {
+            match letter {
+                '"' => quoted = !quoted,
+                ',' if !quoted => cells.push(String::new()),
+                _ => cells.last_mut().unwrap().push(letter),
+            }
+        }
+        cells
+    };
+    text.split_terminator("\r\n").map(cells).collect()
+}
+
+/// Frames 23, 26 and 28: 182#08A01F0020, 202#08FF1F0020, 182#08A01FF91F, the last one 182#0000000000. Full scale is
+/// 16383 for 100 % of the angle, and for 315 bar until 250 are written: 8096 and 8191 of 16383 are 49.417079 % and
+/// 49.996948 %; 8192 of 16383 is 157.509614 of 315 bar and 125.00763 of 250 bar, 8185 are 124.900812 bar.
+#[test]
+fn a_row_an_event_a_column_a_signal() {
+    let text = ok(&[&["decode", "-f", "csv-wide"][..], &SYDFEC].concat(), "").stdout;
+    let lines: Vec<&str> = text.split_terminator("\r\n").collect();
+    let expected = [
+        "time,bus,frame,node/2/tpdo1 Status byte,node/2/tpdo1 Angle actual value [%],\
+         node/2/tpdo1 Pressure actual value [bar],node/2/rpdo1 Control byte,node/2/rpdo1 Angle set point [%],\
+         node/2/rpdo1 Pressure set point [bar]",
+        "1700000001.141000000,can0,23,8,49.417079,157.509614,,,",
+        "1700000002.130000000,can0,26,,,,8,49.996948,125.00763",
+        "1700000002.141000000,can0,28,8,49.417079,124.900812,,,",
+    ];
+    assert_eq!(lines[..4], expected);
+    assert!(lines.last().unwrap().ends_with(",0,0,0,,,"), "{lines:?}");
+}
+
+#[test]
+fn long_and_wide_hold_the_same_values() {
+    for capture in [SYDFEC, PVE] {
+        let of = |format| table(&ok(&[&["decode", "-f", format][..], &capture].concat(), "").stdout);
+        let mut long = BTreeMap::new();
+        for row in &of("csv")[1..] {
+            let [time, bus, frame, _, _, group, signal, _, value, unit, _, _] = &row[..] else {
+                panic!("{row:?}")
+            };
+            let unit = if unit.is_empty() { String::new() } else { format!(" [{unit}]") };
+            let key = (time.clone(), bus.clone(), frame.clone(), format!("{group} {signal}{unit}"));
+            if !value.is_empty() {
+                assert!(long.insert(key, value.clone()).is_none(), "{row:?}");
+            }
+        }
+        let rows = of("csv-wide");
+        let mut wide = BTreeMap::new();
+        for row in &rows[1..] {
+            assert_eq!(row.len(), rows[0].len());
+            for (title, value) in rows[0].iter().zip(row).skip(3).filter(|(_, value)| !value.is_empty()) {
+                let [time, bus, frame] = [0, 1, 2].map(|at: usize| row[at].clone());
+                wide.insert((time, bus, frame, title.clone()), value.clone());
+            }
+        }
+        assert!(long.len() > 50);
+        assert_eq!(long, wide);
+    }
+}
+
+/// Messages 1 to `messages` with 64 signals of a bit each.
+fn bits(messages: u32) -> (String, String) {
+    let mut dbc = "VERSION \"\"\n".to_owned();
+    let mut frames = String::new();
+    for message in 1..=messages {
+        dbc += &format!("BO_ {message} M{message}: 8 N\n");
+        (0..64).for_each(|bit| dbc += &format!(" SG_ S{bit} : {bit}|1@1+ (1,0) [0|1] \"\" N\n"));
+        frames += &format!("({message}.0) can0 {message:03X}#FFFFFFFFFFFFFFFF\n");
+    }
+    (dbc, frames)
+}
+
+#[test]
+fn signals_without_a_column_are_said() {
+    let folder = folder("columns");
+    let dbc = folder.join("bits.dbc");
+    let (text, frames) = bits(65);
+    fs::write(&dbc, text).unwrap();
+    let said = ok(&["decode", "-f", "csv-wide", "--dbc", dbc.to_str().unwrap(), "-"], &frames);
+    // 64 messages of 64 signals are 4096; those of one more are too many.
+    assert!(
+        said.stderr.starts_with("cobscope: 64 values of further signals are left out"),
+        "{}",
+        said.stderr
+    );
+    let rows = table(&said.stdout);
+    assert!(rows.iter().all(|row| row.len() == 3 + 4096));
+    assert_eq!(rows.len(), 1 + 64);
+    let frames = frames.lines().take(64).collect::<Vec<_>>().join("\n");
+    assert_eq!(ok(&["decode", "-f", "csv-wide", "--dbc", dbc.to_str().unwrap(), "-"], &frames).stderr, "");
+}
+
+/// Names of buses are not known to be harmless, and another capture's buses are others.
+#[test]
+fn wide_rows_of_several_buses_and_captures() {
+    let folder = folder("buses");
+    let write = |name: &str, text: &str| {
+        let path = folder.join(name);
+        fs::write(&path, text).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let dbc = write("one.dbc", "VERSION \"\"\nBO_ 1 M: 2 N\n SG_ S : 0|8@1+ (1,0) [0|0] \"=A\" N\n");
+    let first = write("1.log", "(1.0) =x 001#01\n(2.0) can9 001#02\n");
+    let second = write("2.log", "(3.0) can0 001#03\n(4.0) can1 001#04\n(5.0) can9 001#05\n");
+    let text = ok(&["decode", "-f", "csv-wide", "--dbc", &dbc, &first, &second], "").stdout;
+    let expected = "time,bus,frame,frame/001 S [=A],can9/frame/001 S [=A],can1/frame/001 S [=A]\r\n\
+                    1.000000000,\"'=x\",1,1,,\r\n2.000000000,can9,2,,2,\r\n\
+                    3.000000000,can0,1,3,,\r\n4.000000000,can1,2,,,4\r\n5.000000000,can9,3,,5,\r\n";
+    assert_eq!(text, expected);
+}
+
+#[test]
+fn a_capture_without_values_is_a_header() {
+    let text = ok(&["decode", "-f", "csv-wide", "fixtures/canopen/emcy.log"], "").stdout;
+    assert_eq!(text, "time,bus,frame\r\n");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_full_disk_is_said() {
+    let output = run(&[&["decode", "-f", "csv-wide", "-o", "/dev/full"][..], &SYDFEC].concat(), "");
+    assert_eq!(output.code, 3);
+    assert!(output.stderr.contains("writing failed: No space left"), "{}", output.stderr);
+}
+
+#[cfg(feature = "parquet")]
+mod parquet {
+    use std::io::{BufRead as _, BufReader, Write as _};
+    use std::path::Path;
+    use std::process::{Command, Stdio};
+
+    use super::*;
+    use crate::support::{corpus, python, skip, workspace};
+
+    #[test]
+    fn two_files_are_named_after_one() {
+        let folder = folder("names");
+        for name in ["run", "run.v2", "run.parquet"] {
+            let path = folder.join(name);
+            let path = path.to_str().unwrap();
+            let said = ok(&["decode", "-f", "parquet", "-o", path, "fixtures/canopen/emcy.log"], "");
+            let stem = path.trim_end_matches(".parquet");
+            let expected = format!("cobscope: writing {stem}.events.parquet and {stem}.signals.parquet\n");
+            assert_eq!((said.stderr, said.stdout), (expected, String::new()));
+            for what in ["events", "signals"] {
+                let bytes = fs::read(format!("{stem}.{what}.parquet")).unwrap();
+                assert!(bytes.starts_with(b"PAR1") && bytes.ends_with(b"PAR1"));
+            }
+        }
+    }
+
+    #[test]
+    fn without_a_name_it_is_refused() {
+        let refused = |arguments: &[&str], text: &str| {
+            let output = run(&[&["decode", "-f", "parquet"], arguments].concat(), "");
+            assert_eq!(output.code, 2);
+            assert!(output.stderr.contains(text), "{}", output.stderr);
+        };
+        refused(&["fixtures/canopen/emcy.log"], "-o NAME");
+        refused(
+            &["-o", "no/such/folder/run", "fixtures/canopen/emcy.log"],
+            "no/such/folder/run.events.parquet",
+        );
+        refused(&["-o", "..", "fixtures/canopen/emcy.log"], "names no file");
+    }
+
+    /// What another reader finds, against the JSON Lines of the same run.
+    fn is_as_jsonl(name: &str, arguments: &[&str], least: usize) {
+        let Some(python) = python() else { return skip("python", "no Python for oracles") };
+        let has = Command::new(&python).args(["-c", "import duckdb"]).output();
+        if !has.is_ok_and(|output| output.status.success()) {
+            return skip("python", "it has no duckdb");
+        }
+        let folder = folder(name);
+        let (lines, stem) = (folder.join("run.jsonl"), folder.join("run"));
+        let (lines, stem) = (lines.to_str().unwrap(), stem.to_str().unwrap());
+        for (format, path) in [("jsonl", lines), ("parquet", stem)] {
+            ok(&[&["decode", "-f", format, "-o", path], arguments].concat(), "");
+        }
+        let script = workspace().join("tests/oracles/parquet_sums.py");
+        let output = Command::new(python).arg(script).args([lines, stem]).output().unwrap();
+        assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
+        let signals: usize = String::from_utf8(output.stdout).unwrap().trim().parse().unwrap();
+        assert!(signals >= least, "{name}: only {signals} groups and signals were compared");
+    }
+
+    #[test]
+    fn duckdb_finds_the_values_and_events_of_json_lines() {
+        is_as_jsonl("sydfec", &SYDFEC, 6);
+        is_as_jsonl("j1939", &PVE, 7);
+        let dbc = ["--dbc", "fixtures/dbc/signals.dbc", "fixtures/j1939/mixed.log"];
+        is_as_jsonl("dbc", &dbc, 4);
+        is_as_jsonl("several", &["fixtures/canopen/pdo_mapping.log", "fixtures/canopen/mid_run.log"], 1);
+        is_as_jsonl("hostile", &["fixtures/malformed/interface_names.log"], 0);
+    }
+
+    #[test]
+    fn duckdb_finds_those_of_a_real_machine() {
+        let path = corpus().join("canopen/canopen-lens__sample_amr_2wheel.log");
+        if !path.exists() {
+            return skip("corpus", "no captures of other projects");
+        }
+        is_as_jsonl("real", &[path.to_str().unwrap()], 10);
+    }
+
+    fn is_whole(path: &Path) -> bool {
+        fs::read(path).unwrap().ends_with(b"PAR1")
+    }
+
+    /// A file without its end is nothing: Ctrl-C writes it.
+    #[cfg(unix)]
+    #[test]
+    fn an_interrupted_live_bus_leaves_whole_files() {
+        let folder = folder("interrupt");
+        let mut live = Command::new(env!("CARGO_BIN_EXE_cobscope"))
+            .args(["live", "-", "--print", "-f", "parquet", "-o"])
+            .arg(folder.join("run"))
+            .current_dir(workspace())
+            .stdin(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let capture = fs::read(workspace().join("fixtures/canopen/lss.log")).unwrap();
+        let mut input = live.stdin.take().unwrap();
+        input.write_all(&capture).unwrap();
+        // It says so when it has come to that frame; the input stays open.
+        let mut said = BufReader::new(live.stderr.take().unwrap()).lines().map_while(Result::ok);
+        assert!(said.any(|line| line.contains("new bit rate")));
+        assert!(!is_whole(&folder.join("run.events.parquet")));
+        let id = live.id().to_string();
+        assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+        said.for_each(drop);
+        assert_eq!(live.wait().unwrap().code(), Some(0));
+        for what in ["events", "signals"] {
+            assert!(is_whole(&folder.join(format!("run.{what}.parquet"))));
+        }
+    }
+}
