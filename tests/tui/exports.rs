@@ -90,13 +90,12 @@ fn long_and_wide_hold_the_same_values() {
 
 /// Messages 1 to `messages` with 64 signals of a bit each.
 fn bits(messages: u32) -> (String, String) {
-    let mut dbc = "VERSION \"\"\n".to_owned();
-    let mut frames = String::new();
-    for message in 1..=messages {
-        dbc += &format!("BO_ {message} M{message}: 8 N\n");
-        (0..64).for_each(|bit| dbc += &format!(" SG_ S{bit} : {bit}|1@1+ (1,0) [0|1] \"\" N\n"));
-        frames += &format!("({message}.0) can0 {message:03X}#FFFFFFFFFFFFFFFF\n");
-    }
+    let signals: String =
+        (0..64).map(|bit| format!(" SG_ S{bit} : {bit}|1@1+ (1,0) [0|1] \"\" N\n")).collect();
+    let dbc = (1..=messages).map(|message| format!("BO_ {message} M{message}: 8 N\n{signals}")).collect();
+    let frames = (1..=messages)
+        .map(|message| format!("({message}.0) can0 {message:03X}#FFFFFFFFFFFFFFFF\n"))
+        .collect();
     (dbc, frames)
 }
 

@@ -8,9 +8,7 @@ use std::sync::Arc;
 #[cfg(feature = "mcap")]
 use std::time::{Duration, Instant};
 
-#[cfg(feature = "parquet")]
-use anyhow::Context as _;
-use anyhow::ensure;
+use anyhow::{Context as _, ensure};
 use cobscope_decoder::capture::{BusNames, Notice};
 use cobscope_decoder::event::{Event, EventKind};
 #[cfg(feature = "mcap")]
@@ -136,7 +134,10 @@ impl Printer {
             Format::Text => Sink::Text(Text::new(output(to)?, text_options(arguments, pdo))),
             Format::Jsonl => Sink::Jsonl(Jsonl::new(output(to)?)),
             Format::Csv => Sink::Csv(Csv::new(output(to)?)),
-            Format::CsvWide => Sink::CsvWide(Box::new(CsvWide::new(output(to)?, tempfile::tempfile()?))),
+            Format::CsvWide => {
+                let spool = tempfile::tempfile().context("no temporary file can be made")?;
+                Sink::CsvWide(Box::new(CsvWide::new(output(to)?, spool)))
+            }
             #[cfg(feature = "mcap")]
             Format::Mcap => Sink::Mcap(Box::new(Mcap::new(output(to)?, arguments.packing.into()))),
             #[cfg(feature = "parquet")]

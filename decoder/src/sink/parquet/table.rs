@@ -340,6 +340,7 @@ fn io_error(error: ParquetError) -> io::Error {
 
 #[cfg(test)]
 mod tests {
+    use parquet::file::metadata::RowGroupMetaData;
     use parquet::file::reader::{FileReader as _, SerializedFileReader};
 
     use super::*;
@@ -380,7 +381,7 @@ mod tests {
     #[test]
     fn groups_of_rows_are_bounded_by_rows_and_bytes() {
         let rows = |reader: SerializedFileReader<bytes::Bytes>| -> Vec<i64> {
-            reader.metadata().row_groups().iter().map(|group| group.num_rows()).collect()
+            reader.metadata().row_groups().iter().map(RowGroupMetaData::num_rows).collect()
         };
         assert_eq!(rows(written(MOST_ROWS + 1, "{}")), [65_536, 1]);
         // Each second row takes two texts of 1 MiB: the eighth MiB ends the group.
