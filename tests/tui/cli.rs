@@ -1,6 +1,7 @@
 //! Arguments, input, output and exit codes.
 
 use std::io::Write;
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use crate::support::workspace;
@@ -14,9 +15,14 @@ pub struct Output {
 
 /// Runs the program in the workspace with `input` on its standard input.
 pub fn run(arguments: &[&str], input: &str) -> Output {
+    run_in(&workspace(), arguments, input)
+}
+
+/// The same in another folder.
+pub fn run_in(folder: &Path, arguments: &[&str], input: &str) -> Output {
     let mut child = Command::new(env!("CARGO_BIN_EXE_cobscope"))
         .args(arguments)
-        .current_dir(workspace())
+        .current_dir(folder)
         .env_remove("NO_COLOR")
         // No profiles of who runs the tests.
         .env("XDG_CONFIG_HOME", concat!(env!("CARGO_TARGET_TMPDIR"), "/no-config"))

@@ -1,21 +1,73 @@
-//! What the README shows is what the program does.
+//! What the README and the tutorial show is what the program does.
 
 use std::fs;
 
-use crate::cli::run;
+use crate::cli::run_in;
 use crate::support::workspace;
+
+/// A line that stands for lines left out.
+const LEFT_OUT: &str = "…";
+
+/// Commands of a document with what they print: `$ cobscope …` in blocks of `console`. Behind `; echo $?` the exit code
+/// is the last line, else it is 0.
+fn commands(document: &str) -> Vec<(String, Vec<String>)> {
+    let text = fs::read_to_string(workspace().join(document)).unwrap();
+    let mut commands: Vec<(String, Vec<String>)> = Vec::new();
+    for block in text.split("```console\n").skip(1) {
+        for line in block.split("```").next().unwrap().lines() {
+            match (line.strip_prefix("$ cobscope "), commands.last_mut()) {
+                (Some(command), _) => commands.push((command.to_owned(), Vec::new())),
+                (None, Some((_, screen))) => screen.push(line.to_owned()),
+                (None, None) => panic!("{document}: {line}"),
+            }
+        }
+    }
+    commands
+}
+
+/// Words of a command line; those in single quotes are one.
+fn words(command: &str) -> Vec<&str> {
+    let parts = command.split('\'').enumerate();
+    parts
+        .flat_map(|(at, part)| if at % 2 == 1 { vec![part] } else { part.split_whitespace().collect() })
+        .collect()
+}
+
+/// Whether lines are as shown, where any number may be left out.
+fn fits(shown: &[String], lines: &[&str]) -> bool {
+    match shown.split_first() {
+        None => lines.is_empty(),
+        Some((first, rest)) if first == LEFT_OUT => (0..=lines.len()).any(|at| fits(rest, &lines[at..])),
+        Some((first, rest)) => lines.first().is_some_and(|line| line == first) && fits(rest, &lines[1..]),
+    }
+}
 
 #[test]
 fn the_screens_are_real() {
-    let readme = fs::read_to_string(workspace().join("README.md")).unwrap();
-    let blocks: Vec<&str> = readme.split("```console\n").skip(1).collect();
-    assert_eq!(blocks.len(), 2);
-    for block in blocks {
-        let (command, screen) = block.split("```").next().unwrap().split_once('\n').unwrap();
-        let arguments: Vec<&str> = command.trim_start_matches("$ cobscope ").split(' ').collect();
-        let output = run(&arguments, "");
-        assert_eq!(output.stdout, screen);
-        assert_eq!(output.code, 0);
+    let folder = tempfile::tempdir().unwrap();
+    let shared = folder.path().join("fixtures");
+    #[cfg(unix)]
+    std::os::unix::fs::symlink(workspace().join("fixtures"), &shared).unwrap();
+    #[cfg(not(unix))]
+    std::os::windows::fs::symlink_dir(workspace().join("fixtures"), &shared).unwrap();
+    for (document, count) in [("README.md", 2), ("docs/tutorial.md", 15)] {
+        let commands = commands(document);
+        assert_eq!(commands.len(), count, "{document}");
+        for (command, shown) in commands {
+            let (arguments, tells) = match command.strip_suffix("; echo $?") {
+                Some(arguments) => (arguments, true),
+                None => (command.as_str(), false),
+            };
+            let output = run_in(folder.path(), &words(arguments), "");
+            let code = output.code.to_string();
+            let mut lines: Vec<&str> = output.stdout.lines().collect();
+            if tells {
+                lines.push(&code);
+            } else {
+                assert_eq!(output.code, 0, "{document}: {command}: {}", output.stderr);
+            }
+            assert!(fits(&shown, &lines), "{document}: {command}\n{}", lines.join("\n"));
+        }
     }
 }
 
@@ -25,4 +77,15 @@ fn the_command_to_begin_with_names_a_fixture_that_exists() {
     let line = readme.lines().find(|line| line.starts_with("cargo run --release -- ")).unwrap();
     let fixture = line.trim_start_matches("cargo run --release -- ").split(' ').next().unwrap();
     assert!(workspace().join(fixture).exists(), "{fixture}");
+}
+
+#[test]
+fn lines_may_be_left_out_but_not_others() {
+    let shown = |text: &str| text.lines().map(str::to_owned).collect::<Vec<_>>();
+    let lines = ["a", "b", "c"];
+    for (text, is_so) in [("a\nb\nc", true), ("…\nc", true), ("a\n…", true), ("a\nc", false), ("…\nb", false)]
+    {
+        assert_eq!(fits(&shown(text), &lines), is_so, "{text}");
+    }
+    assert_eq!(words("decode --filter 'node == 32' x.log"), ["decode", "--filter", "node == 32", "x.log"]);
 }
