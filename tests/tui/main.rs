@@ -5,6 +5,7 @@ mod bus_file;
 mod check;
 mod check_schema;
 mod cli;
+mod convert;
 mod dbc;
 mod docs;
 mod eds;

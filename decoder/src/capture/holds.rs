@@ -245,6 +245,11 @@ impl Losses {
         Self { holds, first: None, counts: [0; SAID.len()], comments: 0, notices: 0 }
     }
 
+    /// Another file of the same capture begins: its first frame is the first of it.
+    pub fn begin(&mut self) {
+        self.first = None;
+    }
+
     /// Counts what a frame loses, in the order in which frames are written.
     pub fn see(&mut self, frame: &Frame) {
         let (holds, flags) = (self.holds, frame.flags);

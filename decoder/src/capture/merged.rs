@@ -31,6 +31,9 @@ pub struct Merged<R> {
     /// Group and name of each bus, in order of its index.
     buses: Vec<(usize, String)>,
     number: u64,
+    /// What broke a capture, told when it is asked for more: frames of the others stood before it.
+    failure: Option<CaptureError>,
+    failed: usize,
 }
 
 struct Part<R> {
@@ -97,7 +100,7 @@ impl<R: Read> Merged<R> {
             Part { reader, lane, batch: Batch::new(), before, frames: 0, notices: 0 }
         };
         let parts = captures.into_iter().map(part).collect();
-        Self { parts, names: BusNames::default(), buses: Vec::new(), number: 0 }
+        Self { parts, names: BusNames::default(), buses: Vec::new(), number: 0, failure: None, failed: 0 }
     }
 
     /// Goes on at `position`; each source stands at its offset.
@@ -120,7 +123,7 @@ impl<R: Read> Merged<R> {
             parts.push(part);
         }
         let (names, buses) = (position.names.clone(), position.buses.clone());
-        Ok(Self { parts, names, buses, number: position.number })
+        Ok(Self { parts, names, buses, number: position.number, failure: None, failed: 0 })
     }
 
     /// The present place, behind the last batch.
@@ -145,8 +148,8 @@ impl<R: Read> Merged<R> {
     /// Replaces the content of `batch` by the next frames and notices; `false` at the end.
     ///
     /// # Errors
-    /// When a source fails, or its format allows no going on. The others can be read on: its capture is
-    /// at its end then.
+    /// When a source fails, or its format allows no going on: once, after all that stood before. The others can be
+    /// read on: its capture is at its end then.
     pub fn read(&mut self, batch: &mut Batch) -> Result<bool, CaptureError> {
         if let [part] = self.parts.as_mut_slice()
             && part.lane.shift == 0
@@ -154,9 +157,16 @@ impl<R: Read> Merged<R> {
             return part.reader.read(batch);
         }
         batch.clear();
+        if let Some(error) = self.failure.take() {
+            return Err(error);
+        }
         while !batch.is_full() {
-            for part in &mut self.parts {
-                part.fill()?;
+            if let Err(error) = self.fill() {
+                if batch.is_empty() {
+                    return Err(error);
+                }
+                self.failure = Some(error);
+                return Ok(true);
             }
             // The first of equals.
             let next = self.parts.iter_mut().filter(|part| !part.lane.is_done).min_by_key(|part| part.due());
@@ -179,6 +189,22 @@ impl<R: Read> Merged<R> {
             }
         }
         Ok(!batch.is_empty())
+    }
+
+    /// Reads on in captures of which nothing is left.
+    fn fill(&mut self) -> Result<(), CaptureError> {
+        for (index, part) in self.parts.iter_mut().enumerate() {
+            if let Err(error) = part.fill() {
+                self.failed = index;
+                return Err(error);
+            }
+        }
+        Ok(())
+    }
+
+    /// Which capture the last error is of, from 0 in order of naming.
+    pub fn failed(&self) -> usize {
+        self.failed
     }
 
     /// Buses seen so far.
@@ -316,6 +342,37 @@ mod tests {
         let expected =
             ["1 can0 101", "2 can0@2 102", "3 can0@2 105", "4 can0 103", "5 can0@2 106", "6 can1 104"];
         assert_eq!(all(&mut merged), expected);
+    }
+
+    #[test]
+    fn a_capture_that_breaks_costs_nothing_of_the_others() {
+        use std::io::{Error, Read};
+        const REST: &[u8] = b"(1700000010.250000) can0 107#01\n(1700000010.500000) can0 108#01\n";
+        struct Source(&'static [u8], bool);
+        impl Read for Source {
+            fn read(&mut self, room: &mut [u8]) -> std::io::Result<usize> {
+                match self.0.read(room)? {
+                    0 if self.1 => Err(Error::other("broken")),
+                    count => Ok(count),
+                }
+            }
+        }
+        let part = |text, is_broken| MergedCapture {
+            reader: Reader::open(Source(text, is_broken), &ReadOptions::default()).unwrap(),
+            group: 0,
+            shift: 0,
+        };
+        let mut merged = Merged::new(vec![part(A, false), part(B, true), part(REST, false)]);
+        let (mut batch, mut found) = (Batch::new(), Vec::new());
+        loop {
+            match merged.read(&mut batch) {
+                Ok(true) => found.extend(batch.frames().iter().map(|frame| frame.id.to_string())),
+                Ok(false) => break,
+                Err(error) => found.push(format!("{} {error}", merged.failed())),
+            }
+        }
+        let expected = ["101", "102", "105", "107", "103", "106", "1 reading failed: broken", "104", "108"];
+        assert_eq!(found, expected);
     }
 
     #[test]

@@ -18,6 +18,15 @@ pub struct Reader<R> {
     end: usize,
     offset: u64,
     at_end: bool,
+    failure: Failure,
+}
+
+/// What ended a capture before its end.
+enum Failure {
+    None,
+    /// Told when it is asked for more: frames stood before it.
+    Waiting(CaptureError),
+    Told,
 }
 
 /// A place in a capture from which reading can go on later, or elsewhere.
@@ -55,7 +64,18 @@ impl<R: Read> Reader<R> {
         loop {
             if let Some(format) = detect(buffer.get(..end).unwrap_or_default()) {
                 let parser = (format.parser)(options);
-                return Ok(Self { source, parser, format, buffer, start: 0, end, offset: 0, at_end });
+                let failure = Failure::None;
+                return Ok(Self {
+                    source,
+                    parser,
+                    format,
+                    buffer,
+                    start: 0,
+                    end,
+                    offset: 0,
+                    at_end,
+                    failure,
+                });
             }
             if at_end || end >= LARGEST_RECORD {
                 return Err(unrecognised(buffer.get(..end).unwrap_or_default()));
@@ -78,15 +98,35 @@ impl<R: Read> Reader<R> {
             end: 0,
             offset: position.offset,
             at_end: false,
+            failure: Failure::None,
         }
     }
 
     /// Replaces the content of `batch` by the next frames and notices; `false` at the end.
     ///
     /// # Errors
-    /// When the source fails, or the format allows no going on. What was read before stays valid.
+    /// When the source fails, or the format allows no going on: once, after all that stood before; that is the end.
     pub fn read(&mut self, batch: &mut Batch) -> Result<bool, CaptureError> {
         batch.clear();
+        let error = match std::mem::replace(&mut self.failure, Failure::Told) {
+            Failure::Told => return Ok(false),
+            Failure::Waiting(error) => error,
+            Failure::None => match self.read_on(batch) {
+                Ok(more) => {
+                    self.failure = Failure::None;
+                    return Ok(more);
+                }
+                Err(error) => error,
+            },
+        };
+        if batch.is_empty() {
+            return Err(error);
+        }
+        self.failure = Failure::Waiting(error);
+        Ok(true)
+    }
+
+    fn read_on(&mut self, batch: &mut Batch) -> Result<bool, CaptureError> {
         loop {
             let input = self.buffer.get(self.start..self.end).unwrap_or_default();
             let available = input.len();
@@ -248,6 +288,41 @@ mod tests {
         let mut reader = Reader::resume(&bytes[..], &start(100_000));
         assert_eq!(ids(&mut reader), expected);
         assert_eq!(reader.buffer.len(), CHUNK + LARGEST_RECORD, "a small container needs no more");
+    }
+
+    /// Gives what there is, then fails for ever.
+    struct Broken<'a>(&'a [u8]);
+
+    impl Read for Broken<'_> {
+        fn read(&mut self, room: &mut [u8]) -> std::io::Result<usize> {
+            match self.0.read(room)? {
+                0 => Err(std::io::Error::other("broken")),
+                count => Ok(count),
+            }
+        }
+    }
+
+    #[test]
+    fn what_ends_a_capture_is_told_once_behind_its_frames() {
+        let bytes = vec![7; 4_000];
+        let mut reader = Reader::resume(Broken(&bytes), &start(2_000));
+        let mut batch = Batch::new();
+        let mut found = Vec::new();
+        loop {
+            match reader.read(&mut batch) {
+                Ok(true) => found.extend(batch.frames().iter().map(|frame| frame.id.to_string())),
+                Ok(false) => break,
+                Err(error) => found.push(error.to_string()),
+            }
+        }
+        assert_eq!(found, ["007", "007", "007", "007", "reading failed: broken"]);
+        // A version nobody knows ends a trace; the frame before it is given first.
+        let trace = b";$FILEVERSION=2.1\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n 1 1.0 DT 1 0123 Rx - 1 00\n;$FILEVERSION=9.0\n";
+        let mut reader = Reader::open(&trace[..], &ReadOptions::default()).unwrap();
+        assert!(reader.read(&mut batch).unwrap());
+        assert_eq!(batch.frames().len(), 1);
+        assert!(reader.read(&mut batch).is_err());
+        assert!(!reader.read(&mut batch).unwrap());
     }
 
     #[test]

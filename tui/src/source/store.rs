@@ -122,7 +122,7 @@ impl Store {
                 Ok(0) => return Ok(()),
                 Ok(count) => count,
                 Err(error) if error.kind() == std::io::ErrorKind::Interrupted => continue,
-                Err(error) => return Err(anyhow::Error::from(error).context("reading failed")),
+                Err(error) => return Err(error.into()),
             };
             let piece = piece.get(..count).unwrap_or_default();
             write_at(file, piece, written).context("the temporary file cannot be written")?;

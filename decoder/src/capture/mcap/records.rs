@@ -201,13 +201,14 @@ impl Records {
         let value: serde_json::Value = serde_json::from_slice(message.data).unwrap_or_default();
         let text = |key: &str| value.get(key).and_then(serde_json::Value::as_str).unwrap_or_default();
         let time = Timestamp(i64::try_from(message.log_time).unwrap_or(i64::MAX));
+        // Lines for people are about nodes, too, which are no buses.
+        let Some(remark) = Remark::parse(text("message").as_bytes()) else { return };
         let Some(bus) = self.buses.index_of(text("name").as_bytes()) else { return };
         let place = Place::Offset(at);
-        batch.notice(match Remark::parse(text("message").as_bytes()) {
-            Some(Remark::Link(state, bit_rate)) => Notice::Link { bus, time, state, bit_rate },
-            Some(Remark::Quiet) => Notice::Quiet(time),
-            Some(Remark::Lost(count)) => Notice::LostFrames { place, bus, count },
-            None => return,
+        batch.notice(match remark {
+            Remark::Link(state, bit_rate) => Notice::Link { bus, time, state, bit_rate },
+            Remark::Quiet => Notice::Quiet(time),
+            Remark::Lost(count) => Notice::LostFrames { place, bus, count },
         });
     }
 

@@ -19,7 +19,7 @@ use crate::select::Bound;
 pub(super) struct Verdict {
     /// It is written.
     pub(super) takes: bool,
-    /// A file begins with it.
+    /// A file begins with it, or with the next one that is written.
     pub(super) splits: bool,
 }
 
@@ -45,11 +45,8 @@ struct Reading {
 }
 
 impl Choice {
-    pub(super) fn new(arguments: &ConvertArgs, options: SessionOptions) -> anyhow::Result<Self> {
+    pub(super) fn new(arguments: &ConvertArgs, options: SessionOptions) -> Self {
         let ConvertArgs { filter, only_node, split_at, comments, from, to, .. } = arguments;
-        for node in only_node {
-            ensure!(node.profile.is_none(), "--only-node chooses a node; --node tells what it is");
-        }
         let understands = filter.is_some() || !only_node.is_empty() || split_at.is_some() || *comments;
         let reading = understands.then(|| Reading {
             decoder: Decoder::new(options),
@@ -59,7 +56,7 @@ impl Choice {
             own_kinds: KindSet::of_frames(),
             comment: comments.then(String::new),
         });
-        Ok(Self { from: *from, to: *to, first: None, is_over: false, reading })
+        Self { from: *from, to: *to, first: None, is_over: false, reading }
     }
 
     /// The first frame of all.

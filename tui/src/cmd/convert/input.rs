@@ -1,14 +1,15 @@
 //! The captures that are converted, as one.
 
-use std::io::Read;
+use std::io::{self, Read};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use anyhow::Context as _;
 use cobscope_decoder::capture::{Batch, BusNames, Merged, MergedCapture, Reader};
 
 use crate::cli::InputArgs;
 use crate::cmd::input::read_options;
-use crate::source::{self, Arranged, Frames, Progress, Store, arrange};
+use crate::source::{self, Arranged, Frames, Progress, Store, StoreReader, arrange};
 
 /// Captures being read.
 pub(super) struct Input {
@@ -38,7 +39,7 @@ impl Input {
             }
             paths => {
                 let merged = Merged::new(several(paths, &names, input, align)?);
-                (Reading::Several(merged), Progress::new(None, std::sync::Arc::default()))
+                (Reading::Several(merged), Progress::new(None, Arc::default()))
             }
         };
         Ok(Self { reading, names, batch: Batch::new(), progress })
@@ -47,13 +48,13 @@ impl Input {
     /// Reads on; false at the end.
     ///
     /// # Errors
-    /// When a capture cannot be read any further; the others can.
+    /// When a capture cannot be read any further; the others can. It is told once.
     pub(super) fn read(&mut self) -> anyhow::Result<bool> {
-        let read = match &mut self.reading {
-            Reading::One(frames) => frames.read(&mut self.batch),
-            Reading::Several(merged) => merged.read(&mut self.batch),
+        let (read, failed) = match &mut self.reading {
+            Reading::One(frames) => (frames.read(&mut self.batch), 0),
+            Reading::Several(merged) => (merged.read(&mut self.batch), merged.failed()),
         };
-        read.with_context(|| self.names())
+        read.with_context(|| self.names.get(failed).cloned().unwrap_or_default())
     }
 
     pub(super) fn buses(&self) -> &BusNames {
@@ -79,7 +80,8 @@ fn several(
     let (mut stores, mut firsts) = (Vec::new(), Vec::new());
     for (path, name) in paths.iter().zip(names) {
         let store = Store::open(path)?;
-        let mut reader = Reader::open(store.reader(0), &options).with_context(|| name.clone())?;
+        let mut reader = Reader::open(Whole(store.reader(0), Arc::clone(&store)), &options)
+            .with_context(|| name.clone())?;
         let mut batch = Batch::new();
         while batch.frames().is_empty() && reader.read(&mut batch).with_context(|| name.clone())? {}
         firsts.push(batch.frames().first().and_then(|frame| frame.time));
@@ -88,9 +90,21 @@ fn several(
     let arranged = arrange(names, &firsts, align)?;
     let captures =
         stores.iter().zip(arranged).zip(names).map(|((store, Arranged { group, shift }), name)| {
-            let source: Box<dyn Read + Send> = Box::new(store.reader(0));
+            let source: Box<dyn Read + Send> = Box::new(Whole(store.reader(0), Arc::clone(store)));
             let reader = Reader::open(source, &options).with_context(|| name.clone())?;
             Ok(MergedCapture { reader, group, shift })
         });
     captures.collect()
+}
+
+/// What a store holds, and why that is not all: where a source breaks off, what came last is no whole line or record.
+struct Whole(StoreReader, Arc<Store>);
+
+impl Read for Whole {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        match (self.0.read(buffer)?, self.1.failure()) {
+            (0, Some(failure)) => Err(io::Error::other(failure)),
+            (count, _) => Ok(count),
+        }
+    }
 }

@@ -35,9 +35,8 @@ pub fn run(arguments: &ConvertArgs) -> Exit {
         Ok(plan) => plan,
         Err(error) => return refuse(&error, Exit::Usage),
     };
-    let choice = session_options(&arguments.input).and_then(|options| Choice::new(arguments, options));
-    let choice = match choice {
-        Ok(choice) => choice,
+    let choice = match session_options(&arguments.input) {
+        Ok(options) => Choice::new(arguments, options),
         Err(error) => return refuse(&error, Exit::Profile),
     };
     let input = match Input::open(captures, &arguments.input, arguments.align) {
@@ -45,7 +44,7 @@ pub fn run(arguments: &ConvertArgs) -> Exit {
         Err(error) => return refuse(&error, Exit::Capture),
     };
     let Some(out) = arguments.input.captures.last() else { return Exit::Usage };
-    let output = match Output::open(out, format, arguments) {
+    let output = match Output::open(captures, out, format, arguments) {
         Ok(output) => output,
         Err(error) => return refuse(&error, Exit::Usage),
     };
@@ -67,6 +66,9 @@ fn plan(arguments: &ConvertArgs) -> anyhow::Result<(&[std::path::PathBuf], &'sta
     else {
         bail!("give the captures to read and then the file to write, as convert run.log run.pcapng");
     };
+    for node in &arguments.only_node {
+        ensure!(node.profile.is_none(), "--only-node chooses a node; --node tells what it is");
+    }
     let format = format_of(arguments, out)?;
     if arguments.comments && !format.holds.comments {
         let with = WRITABLE.iter().filter(|format| format.holds.comments).map(|format| format.title);
@@ -84,9 +86,6 @@ fn plan(arguments: &ConvertArgs) -> anyhow::Result<(&[std::path::PathBuf], &'sta
     let is_stdout = out.as_os_str() == "-";
     let splits = arguments.split_size.is_some() || arguments.split_at.is_some();
     ensure!(!(is_stdout && splits), "standard output cannot be split; give a file");
-    for capture in captures {
-        ensure!(is_stdout || !is_same(capture, out), "{}: is read and would be written", out.display());
-    }
     Ok((captures, format))
 }
 
@@ -101,10 +100,6 @@ fn format_of(arguments: &ConvertArgs, out: &Path) -> anyhow::Result<&'static Wri
     };
     // The command line takes no other name.
     WRITABLE.iter().find(|format| format.name == name.as_str()).context("-f: there is no such format")
-}
-
-fn is_same(one: &Path, other: &Path) -> bool {
-    matches!((one.canonicalize(), other.canonicalize()), (Ok(one), Ok(other)) if one == other)
 }
 
 struct Conversion {
@@ -145,7 +140,7 @@ impl Conversion {
             complain(&anyhow::anyhow!("{}: holds no frame", input.names()));
             exit = Exit::Capture;
         }
-        match self.output.finish(input.buses()) {
+        match self.output.finish(input.buses(), has_frames) {
             Ok(said) => said.iter().for_each(|text| say(text)),
             Err(error) => return end(&error),
         }
@@ -162,9 +157,12 @@ impl Conversion {
             match item {
                 Item::Frame(frame) => {
                     let verdict = self.choice.judge(frame, names);
+                    if verdict.splits {
+                        self.output.split();
+                    }
                     if verdict.takes {
                         let bus = name_of(names, frame.bus.0);
-                        self.output.write(frame, bus, verdict.splits, self.choice.comment())?;
+                        self.output.write(frame, bus, self.choice.comment())?;
                     }
                 }
                 Item::Notice(notice) => self.notice(notice, names)?,

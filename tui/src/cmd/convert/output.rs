@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use anyhow::Context as _;
+use anyhow::{Context as _, ensure};
 use cobscope_decoder::capture::{BusNames, FrameWriter, Losses, Notice, WritableFormat, WriteOptions};
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::sink::escape;
@@ -33,10 +33,14 @@ pub(super) struct Output {
     splits: bool,
     most: Option<u64>,
     force: bool,
+    /// What is read; nothing of it is written over.
+    read: Vec<PathBuf>,
     path: PathBuf,
     part: Option<Part>,
     parts: u32,
     frames: u64,
+    /// Whether a file begins with the frame that is next.
+    is_split: bool,
 }
 
 struct Part {
@@ -49,8 +53,9 @@ impl Output {
     /// Makes the first file.
     ///
     /// # Errors
-    /// When it cannot be made, or is there already.
+    /// When it cannot be made, is there already, or is one of the captures that are read.
     pub(super) fn open(
+        captures: &[PathBuf],
         out: &Path,
         format: &'static WritableFormat,
         arguments: &ConvertArgs,
@@ -69,10 +74,12 @@ impl Output {
             splits,
             most: arguments.split_size,
             force: arguments.force,
+            read: captures.to_vec(),
             path: out.to_owned(),
             part: None,
             parts: 0,
             frames: 0,
+            is_split: false,
         };
         output.begin()?;
         Ok(output)
@@ -85,6 +92,12 @@ impl Output {
             Some(names) => {
                 self.path = names.next();
                 names.number += 1;
+                let is_read = self.read.iter().any(|capture| is_same(capture, &self.path));
+                ensure!(
+                    !is_read,
+                    "{}: is read and would be written",
+                    escape(&self.path.display().to_string())
+                );
                 let mut options = File::options();
                 // Nothing of the user's is written over unasked.
                 options.write(true).truncate(self.force).create(self.force).create_new(!self.force);
@@ -97,25 +110,27 @@ impl Output {
         let writer = (self.format.writer)(Box::new(counted), &self.options);
         self.part = Some(Part { writer, written, frames: 0 });
         self.parts += 1;
+        // What is written as the time of its first frame differs from file to file.
+        self.losses.begin();
         Ok(())
     }
 
-    /// Writes a frame; `splits` begins a new file with it.
+    /// The next frame that is written begins a file, if one can be split.
+    pub(super) fn split(&mut self) {
+        self.is_split = true;
+    }
+
+    /// Writes a frame.
     ///
     /// # Errors
     /// When the file cannot be written.
     #[inline]
-    pub(super) fn write(
-        &mut self,
-        frame: &Frame,
-        bus: &str,
-        splits: bool,
-        comment: &str,
-    ) -> anyhow::Result<()> {
-        if self.splits && self.is_full(splits, comment) {
+    pub(super) fn write(&mut self, frame: &Frame, bus: &str, comment: &str) -> anyhow::Result<()> {
+        if self.splits && self.is_full(comment) {
             self.end()?;
             self.begin()?;
         }
+        self.is_split = false;
         self.losses.see(frame);
         let Some(part) = &mut self.part else { return Ok(()) };
         part.frames += 1;
@@ -129,12 +144,12 @@ impl Output {
     }
 
     /// Whether a frame begins the next file.
-    fn is_full(&self, splits: bool, comment: &str) -> bool {
+    fn is_full(&self, comment: &str) -> bool {
         let Some(part) = self.part.as_ref().filter(|part| part.frames > 0) else { return false };
         let frame = LARGEST_FRAME.saturating_add(COMMENT_FACTOR.saturating_mul(comment.len() as u64));
         let size =
             part.written.load(Ordering::Relaxed).saturating_add(part.writer.pending()).saturating_add(frame);
-        splits || self.most.is_some_and(|most| size > most)
+        self.is_split || self.most.is_some_and(|most| size > most)
     }
 
     /// Writes what else is known of a bus.
@@ -157,14 +172,14 @@ impl Output {
         }
     }
 
-    /// Ends the last file; what is to be said of it all.
+    /// Ends the last file; what is to be said of it all. `has_frames` tells whether there were any to choose from.
     ///
     /// # Errors
     /// When it cannot be written.
-    pub(super) fn finish(mut self, buses: &BusNames) -> anyhow::Result<Vec<String>> {
+    pub(super) fn finish(mut self, buses: &BusNames, has_frames: bool) -> anyhow::Result<Vec<String>> {
         self.end()?;
         let mut said = Vec::new();
-        if self.frames == 0 {
+        if self.frames == 0 && has_frames {
             said.push(format!("{}: no frame was chosen", self.path.display()));
         }
         let lost = self.losses.said();
@@ -195,6 +210,18 @@ fn refused(path: &Path, error: &io::Error) -> anyhow::Error {
         io::ErrorKind::AlreadyExists => anyhow::anyhow!("{shown}: is there already; --force writes over it"),
         _ => anyhow::anyhow!("{shown}: cannot be made: {error}"),
     }
+}
+
+/// Whether both are one file, also where it has two names.
+fn is_same(one: &Path, other: &Path) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt as _;
+        let place = |path: &Path| path.metadata().map(|file| (file.dev(), file.ino()));
+        matches!((place(one), place(other)), (Ok(one), Ok(other)) if one == other)
+    }
+    #[cfg(not(unix))]
+    matches!((one.canonicalize(), other.canonicalize()), (Ok(one), Ok(other)) if one == other)
 }
 
 fn failed(path: &Path) -> String {

@@ -1,0 +1,108 @@
+#!/usr/bin/env python3
+"""Holds what `decode -f mcap` writes against what `decode -f jsonl` prints of the same capture.
+
+    mcap_read.py FILE.mcap FILE.jsonl
+
+  * every message of JSON fits the schema its channel carries, and those of /log what foxglove.Log asks for
+  * every PDO or J1939 message with signals in JSON Lines has its message, in order, with the same values one for one
+  * /events, /findings and objects hold the other events, in order, word for word
+Prints how many there were of each.
+"""
+import json
+import sys
+from collections import Counter, deque
+
+try:
+    from jsonschema import Draft202012Validator
+    from mcap.reader import make_reader
+except ImportError:
+    sys.exit("mcap_read.py: mcap or jsonschema is missing: pip install -r requirements.txt")
+
+# https://github.com/foxglove/foxglove-sdk/blob/main/schemas/jsonschema/Log.json
+FOXGLOVE_LOG = {
+    "type": "object",
+    "required": ["timestamp", "level", "message", "name", "file", "line"],
+    "properties": {
+        "timestamp": {"type": "object", "required": ["sec", "nsec"], "properties": {
+            "sec": {"type": "integer", "minimum": 0},
+            "nsec": {"type": "integer", "minimum": 0, "maximum": 999_999_999}}},
+        "level": {"type": "integer", "enum": [0, 1, 2, 3, 4, 5]},
+        "message": {"type": "string"}, "name": {"type": "string"}, "file": {"type": "string"},
+        "line": {"type": "integer", "minimum": 0}},
+}
+
+
+def nanoseconds(line):
+    """The time of a line as an integer: a double has no room for nanoseconds since 1970."""
+    seconds, fraction = line.split('"t":', 1)[1].split(",", 1)[0].split(".")
+    return int(seconds) * 10**9 + int(fraction)
+
+
+def messages(path):
+    with open(path, "rb") as file:
+        for schema, channel, message in make_reader(file, validate_crcs=True).iter_messages(log_time_order=False):
+            if channel.message_encoding == "json":
+                yield schema, channel.topic, message
+
+
+def has_time(line):
+    return '"t":null' not in line
+
+
+def main():
+    if len(sys.argv) != 3:
+        sys.exit(__doc__)
+    validators, counts = {}, Counter()
+    log = Draft202012Validator(FOXGLOVE_LOG)
+    values, records = deque(), deque()
+    for schema, topic, message in messages(sys.argv[1]):
+        text = message.data.decode()
+        content = json.loads(text)
+        if schema.id not in validators:
+            assert schema.encoding == "jsonschema", schema
+            loaded = json.loads(schema.data)
+            Draft202012Validator.check_schema(loaded)
+            validators[schema.id] = Draft202012Validator(loaded)
+        validators[schema.id].validate(content)
+        if topic == "/log":
+            log.validate(content)
+            assert schema.name == "foxglove.Log", schema.name
+            stamp = content["timestamp"]
+            assert stamp["sec"] * 10**9 + stamp["nsec"] == message.log_time, content
+            counts["log"] += 1
+        elif schema.name == "cobscope.Event":
+            is_finding = content["kind"] in ("finding-opened", "finding-closed")
+            is_object = content["kind"] == "object-change"
+            assert (topic == "/findings") == is_finding, (topic, content)
+            assert topic.endswith("/objects") == is_object, (topic, content)
+            records.append((message.log_time, text))
+            counts["records"] += 1
+        else:
+            # A topic's schema names all there is in its messages.
+            assert set(content) <= set(json.loads(schema.data)["properties"]), (topic, content)
+            values.append((topic, message.log_time, content))
+            counts["values"] += 1
+    for line in open(sys.argv[2], encoding="utf-8"):
+        line = line.rstrip("\n")
+        event = json.loads(line)
+        if event["kind"] == "end" or event["kind"] in ("pdo", "j1939-message", "frame") and not event.get("signals"):
+            continue
+        if event["kind"] in ("pdo", "j1939-message", "frame"):
+            topic, time, content = values.popleft()
+            assert time == nanoseconds(line), (time, line)
+            if event["kind"] == "pdo":
+                assert event["pdo"].lower() in topic and f"/{event['node']}/" in topic, (topic, line)
+            plain = [value for key, value in content.items() if not key.endswith("_label")]
+            expected = [signal["value"] for signal in event["signals"]]
+            assert plain == expected, (content, line)
+            labels = [value for key, value in content.items() if key.endswith("_label")]
+            assert labels == [signal["label"] for signal in event["signals"] if "label" in signal], (content, line)
+        else:
+            time, text = records.popleft()
+            assert text == line, (text, line)
+            assert not has_time(line) or time == nanoseconds(line), (time, line)
+    assert not values and not records, (len(values), len(records), values[:1], records[:1])
+    print(" ".join(f"{name} {counts[name]}" for name in ("values", "records", "log")))
+
+
+main()

@@ -1,0 +1,289 @@
+//! Every capture there is into every format there is.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::thread;
+
+use cobscope_decoder::capture::{Holds, Losses, Notice, WRITABLE, WritableFormat, WriteOptions};
+use cobscope_decoder::frame::{Frame, Timestamp};
+
+use super::{Content, Folder, fixture, log};
+use crate::support::workspace;
+
+/// Folders of captures; those of fuzzers only as far as their files were made up to be read.
+const FOLDERS: &[&str] = &[
+    "canopen",
+    "devices",
+    "dialects",
+    "incidents",
+    "j1939",
+    "machine",
+    "malformed",
+    "recorders",
+    "uds",
+    "fuzz/busmaster",
+    "fuzz/canking",
+    "fuzz/carbus",
+    "fuzz/crtd",
+    "fuzz/csv",
+    "fuzz/microchip",
+    "fuzz/roadster",
+];
+
+/// Captures with their content.
+fn captures() -> Vec<(PathBuf, Content)> {
+    let mut captures = Vec::new();
+    for folder in FOLDERS {
+        for entry in fs::read_dir(fixture(folder)).unwrap() {
+            let path = entry.unwrap().path();
+            let suffix = path.extension().unwrap_or_default().to_string_lossy().into_owned();
+            // Two fixtures of one set of frames say nothing more of a format.
+            if matches!(suffix.as_str(), "py" | "toml" | "sh")
+                || path.to_string_lossy().contains(".expected.")
+            {
+                continue;
+            }
+            if let Some(content) = Content::of(&path) {
+                captures.push((path, content));
+            }
+        }
+    }
+    captures.sort_by(|(one, _), (other, _)| one.cmp(other));
+    captures
+}
+
+/// What is read again of frames, by what a format says of itself; buses in order of their first frame.
+fn kept(holds: &Holds, content: &Content) -> (Vec<Frame>, Vec<String>) {
+    let (mut first, mut last) = (None, Timestamp(0));
+    let (mut frames, mut order): (Vec<Frame>, Vec<u8>) = (Vec::new(), Vec::new());
+    for frame in &content.frames {
+        let Some(mut kept) = holds.kept(frame) else { continue };
+        if let Some(time) = kept.time {
+            let first = *first.get_or_insert(time);
+            last = if holds.backwards { time } else { time.max(first) };
+        }
+        if !(kept.time.is_none() && holds.untimed) {
+            kept.time = Some(last);
+        }
+        if !order.contains(&kept.bus.0) {
+            order.push(kept.bus.0);
+        }
+        frames.push(Frame { number: 1 + frames.len() as u64, ..kept });
+    }
+    let named = order.iter().map(|bus| content.buses[usize::from(*bus)].clone()).collect();
+    (frames, named)
+}
+
+/// What is said of a conversion, line by line.
+fn said(path: &Path, format: &WritableFormat, content: &Content) -> Vec<String> {
+    let mut losses = Losses::new(format.holds);
+    let mut writer = (format.writer)(Box::new(std::io::sink()), &WriteOptions::default());
+    let (mut lines, mut unreadable) = (Vec::new(), 0);
+    for notice in &content.notices {
+        match notice {
+            Notice::Unreadable { .. } => {
+                unreadable += 1;
+                if unreadable <= 10 {
+                    lines.push(notice.to_string());
+                }
+            }
+            Notice::Assumption(text) => lines.push(text.clone()),
+            other if !writer.notice(other, "").unwrap() => losses.miss_notice(),
+            _ => {}
+        }
+    }
+    let name = path.strip_prefix(workspace()).unwrap().display();
+    lines.extend(content.error.iter().map(|error| format!("{name}: {error}")));
+    if unreadable > 10 {
+        lines.push(format!("{unreadable} lines or records could not be read"));
+    }
+    if content.frames.is_empty() {
+        lines.push(format!("{name}: holds no frame"));
+    }
+    content.frames.iter().for_each(|frame| losses.see(frame));
+    let lost = losses.said();
+    if !lost.is_empty() {
+        lines.push(format!("{} has no place for all of it: {}", format.title, lost.join("; ")));
+    }
+    lines
+}
+
+fn check(path: &Path, content: &Content, format: &WritableFormat, folder: &Folder) {
+    let name = format!("{} to {}", path.display(), format.name);
+    let out = folder.path(&format!("{}.{}", path.to_string_lossy().replace('/', "_"), format.suffix));
+    let output = Command::new(env!("CARGO_BIN_EXE_cobscope"))
+        .args(["convert".as_ref(), path.strip_prefix(workspace()).unwrap().as_os_str(), out.as_os_str()])
+        .current_dir(workspace())
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    let is_whole = content.error.is_none() && !content.frames.is_empty();
+    assert_eq!(output.status.code(), Some(if is_whole { 0 } else { 3 }), "{name}: {stderr}");
+    let mut found: Vec<_> = stderr.lines().map(|line| line.trim_start_matches("cobscope: ")).collect();
+    // Which number a name got is told by a test of its own.
+    found.retain(|line| !line.contains(" numbers its buses: "));
+    assert_eq!(found, said(path, format, content), "{name}");
+    let (frames, names) = kept(&format.holds, content);
+    if frames.is_empty() {
+        return;
+    }
+    let read = Content::read(&out);
+    assert_eq!(read.format, format.name, "{name}");
+    assert!(!read.notices.iter().any(|notice| matches!(notice, Notice::Unreadable { .. })), "{name}");
+    assert_eq!(read.frames.len(), frames.len(), "{name}");
+    let bus_of = |frame: &Frame| read.buses[usize::from(frame.bus.0)].clone();
+    let numbered: Vec<_> = (1..=names.len()).map(|number| number.to_string()).collect();
+    let names = match format.name {
+        _ if !format.holds.bus_names => numbered,
+        // Names in lines of text have neither blanks nor what steers terminals.
+        "candump" => names.iter().map(|name| plain(name)).collect(),
+        // A table is opened by spreadsheets.
+        "csv" => names.iter().map(|name| safe(name)).collect(),
+        _ => names,
+    };
+    let mut order: Vec<String> = Vec::new();
+    // Times of text that count from zero and fall are read as differences, as candump prints them.
+    let has_date = |frame: &Frame| frame.time.is_none_or(|time| time.0 >= 100_000_000_000_000_000);
+    let is_told = format.name != "candump"
+        || frames.first().is_some_and(has_date)
+        || frames.is_sorted_by_key(|frame| frame.time);
+    for (read, kept) in read.frames.iter().zip(&frames) {
+        let time = if is_told { kept.time } else { read.time };
+        assert_eq!(Frame { bus: read.bus, time, ..*kept }, *read, "{name}");
+        if !order.contains(&bus_of(read)) {
+            order.push(bus_of(read));
+        }
+    }
+    assert_eq!(order, names, "{name}");
+}
+
+fn plain(name: &str) -> String {
+    name.bytes().map(|byte| if byte.is_ascii_graphic() { char::from(byte) } else { '_' }).collect()
+}
+
+fn safe(name: &str) -> String {
+    let steers = |character: char| character.is_control() || character == '\u{202e}';
+    let escaped: String = name
+        .chars()
+        .map(|letter| if steers(letter) { letter.escape_unicode().to_string() } else { letter.to_string() })
+        .collect();
+    if name.starts_with('=') { format!("'{escaped}") } else { escaped }
+}
+
+#[test]
+fn every_capture_comes_back_from_every_format_and_what_it_lost_is_said_once() {
+    let captures = captures();
+    assert!(captures.len() > 150, "{}", captures.len());
+    let folder = Folder::new();
+    thread::scope(|scope| {
+        for part in 0..2 {
+            let (captures, folder) = (&captures, &folder);
+            scope.spawn(move || {
+                for (path, content) in captures.iter().skip(part).step_by(2) {
+                    for format in WRITABLE {
+                        check(path, content, format, folder);
+                    }
+                }
+            });
+        }
+    });
+}
+
+#[test]
+fn losses_are_counted_by_hand() {
+    let folder = Folder::new();
+    // FD; an error frame with details; nanoseconds; a classic DLC of 9; no direction anywhere.
+    folder.write(
+        "a.log",
+        "(1700000000.000000001) can0 705#05\n(1700000000.000001000) can0 123##311\n\
+         (1700000000.000002000) can1 20000088#0000800000000000\n\
+         (1700000000.000003000) can0 185#1122334455667788_9\n",
+    );
+    let said = |out: &str| {
+        let output = folder.convert(&["@a.log", out]);
+        assert_eq!(output.code, 0, "{}", output.stderr);
+        output.stderr
+    };
+    assert_eq!(said("@a.pcapng"), "");
+    assert_eq!(said("@a.mcap"), "");
+    assert_eq!(said("@a.csv"), "");
+    assert_eq!(said("@b.log"), "");
+    let asc = said("@a.asc");
+    assert!(asc.contains("3 frames not known to be received or sent, written as received"), "{asc}");
+    assert!(asc.ends_with("cobscope: Vector ASC numbers its buses: can0 is 1, can1 is 2\n"), "{asc}");
+    let trc = said("@a.trc");
+    assert!(trc.starts_with("cobscope: PEAK TRC has no place for all of it: "), "{trc}");
+    assert!(trc.contains("times cut to "), "{trc}");
+    assert_eq!(trc.lines().count(), 2, "{trc}");
+}
+
+#[test]
+fn links_lost_frames_and_quiet_times_go_where_there_is_a_place() {
+    let folder = Folder::new();
+    let source = fixture("dialects/dropped_ta_d.txt");
+    let source = source.to_str().unwrap();
+    let before = Content::read(source.as_ref());
+    let lost = |content: &Content| {
+        content.notices.iter().filter(|notice| matches!(notice, Notice::LostFrames { .. })).count()
+    };
+    assert_eq!(lost(&before), 1);
+    for (out, kept) in [("@a.pcapng", true), ("@a.mcap", true), ("@a.csv", false), ("@a.log", false)] {
+        let output = folder.convert(&[source, out]);
+        assert_eq!(output.code, 0);
+        assert_eq!(lost(&Content::read(&folder.path(&out[1..]))), usize::from(kept), "{out}");
+        let is_said = output.stderr.contains("1 notes of lost frames, links and quiet times left out");
+        assert_eq!(is_said, !kept, "{out}: {}", output.stderr);
+    }
+}
+
+#[test]
+fn packing_changes_the_size_only() {
+    let folder = Folder::new();
+    let source = fixture("canopen/mid_run.log");
+    let source = source.to_str().unwrap();
+    let mut sizes = Vec::new();
+    let expected = Content::read(source.as_ref());
+    for packing in ["none", "lz4", "zstd"] {
+        let out = format!("@{packing}.mcap");
+        assert_eq!(
+            folder.converted(&["--packing", packing, source, &out]),
+            Content { format: "mcap", ..Content::read(source.as_ref()) }
+        );
+        sizes.push(fs::metadata(folder.path(&out[1..])).unwrap().len());
+    }
+    assert!(sizes[0] > sizes[1] && sizes[1] > sizes[2], "{sizes:?}");
+    assert_eq!(expected.frames.len(), 198);
+    assert_eq!(folder.convert(&["--packing", "brotli", source, "@x.mcap"]).code, 2);
+}
+
+#[test]
+fn packed_captures_and_standard_input_and_output() {
+    let folder = Folder::new();
+    let text = log(&["705#00", "185#1122"]);
+    let plain = folder.write("a.log", &text);
+    let whole = Content::read(&plain);
+    let tool = |program: &str, name: &str| {
+        let packed = Command::new(program).args(["-c".as_ref(), plain.as_os_str()]).output();
+        packed.ok().filter(|packed| packed.status.success()).map(|packed| folder.write(name, packed.stdout))
+    };
+    if cfg!(feature = "gzip") && tool("gzip", "a.log.gz").is_some() {
+        assert_eq!(folder.converted(&["@a.log.gz", "@gz.log"]), whole);
+    }
+    if cfg!(feature = "zstd") && tool("zstd", "a.log.zst").is_some() {
+        assert_eq!(folder.converted(&["@a.log.zst", "@zst.log"]), whole);
+    }
+    let out = folder.path("in.log");
+    let output = crate::cli::run(&["convert", "-", out.to_str().unwrap()], &text);
+    assert_eq!((output.code, output.stderr.as_str()), (0, ""));
+    assert_eq!(Content::read(&out), whole);
+    let output = crate::cli::run(&["convert", "-f", "candump", "-", "-"], &text);
+    assert_eq!((output.code, output.stdout), (0, text));
+    let binary = Command::new(env!("CARGO_BIN_EXE_cobscope"))
+        .args(["convert".as_ref(), "-f".as_ref(), "mcap".as_ref(), plain.as_os_str(), "-".as_ref()])
+        .output()
+        .unwrap();
+    let out = folder.write("out.mcap", binary.stdout);
+    assert_eq!(Content::read(&out).frames, whole.frames);
+}
