@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The frames of a capture as python-can reads them, one line a frame.
 
-    frames.py CAPTURE
+    frames.py [--direction] CAPTURE
 
 Reads what python-can's LogReader knows: candump log (.log), ASC, TRC, BLF, each
 also with .gz behind. Columns, separated by tabs:
@@ -11,7 +11,8 @@ also with .gz behind. Columns, separated by tabs:
     channel   or -
     id        hex, 3 digits standard, 8 digits extended
     flags     letters in this order, or -: X extended, R remote, E error,
-              F FD, B bit rate switch, S error state indicator
+              F FD, B bit rate switch, S error state indicator; with --direction
+              T sent
     length    bytes of payload; of a remote frame the length asked for
     data      hex, or -
 
@@ -31,11 +32,12 @@ except ImportError:
     sys.exit("frames.py: the library python-can is missing: pip install -r requirements.txt")
 
 
-def line(msg):
+def line(msg, tells_direction):
     flags = "".join(letter for letter, on in (
         ("X", msg.is_extended_id and not msg.is_error_frame), ("R", msg.is_remote_frame),
         ("E", msg.is_error_frame), ("F", msg.is_fd), ("B", msg.bitrate_switch),
-        ("S", msg.error_state_indicator)) if on)
+        ("S", msg.error_state_indicator),
+        ("T", tells_direction and not msg.is_rx)) if on)
     digits = 8 if msg.is_extended_id or msg.is_error_frame else 3
     channel = "-" if msg.channel is None else str(msg.channel)
     data = "" if msg.is_remote_frame else bytes(msg.data).hex().upper()
@@ -44,16 +46,18 @@ def line(msg):
 
 
 def main():
-    if len(sys.argv) != 2:
+    tells_direction = "--direction" in sys.argv[1:]
+    paths = [word for word in sys.argv[1:] if word != "--direction"]
+    if len(paths) != 1:
         sys.exit(__doc__)
     try:
-        with can.LogReader(sys.argv[1]) as reader:
+        with can.LogReader(paths[0]) as reader:
             for msg in reader:
-                print(line(msg))
+                print(line(msg, tells_direction))
     except BrokenPipeError:
         sys.stderr.close()
     except Exception as error:      # python-can raises many kinds for a bad line
-        sys.exit(f"frames.py: {sys.argv[1]}: {type(error).__name__}: {error}")
+        sys.exit(f"frames.py: {paths[0]}: {type(error).__name__}: {error}")
 
 
 main()

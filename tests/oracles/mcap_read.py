@@ -4,7 +4,7 @@
     mcap_read.py FILE.mcap FILE.jsonl
 
   * every message of JSON fits the schema its channel carries, and those of /log what foxglove.Log asks for
-  * every PDO or J1939 message with signals in JSON Lines has its message, in order, with the same values one for one
+  * every PDO, message or transfer with signals in JSON Lines has its message, in order, with the same values one for one
   * /events, /findings and objects hold the other events, in order, word for word
 Prints how many there were of each.
 """
@@ -87,17 +87,19 @@ def main():
         event = json.loads(line)
         if event["kind"] == "end" or event["kind"] in ("pdo", "j1939-message", "frame") and not event.get("signals"):
             continue
-        if event["kind"] in ("pdo", "j1939-message", "frame"):
+        brings = event["kind"] == "j1939-transfer" and event.get("signals")
+        if event["kind"] in ("pdo", "j1939-message", "frame") or brings:
             topic, time, content = values.popleft()
             assert time == nanoseconds(line), (time, line)
             if event["kind"] == "pdo":
                 assert event["pdo"].lower() in topic and f"/{event['node']}/" in topic, (topic, line)
             plain = [value for key, value in content.items() if not key.endswith("_label")]
-            expected = [signal["value"] for signal in event["signals"]]
+            # What has no value has no member.
+            expected = [signal["value"] for signal in event["signals"] if signal["value"] is not None]
             assert plain == expected, (content, line)
             labels = [value for key, value in content.items() if key.endswith("_label")]
             assert labels == [signal["label"] for signal in event["signals"] if "label" in signal], (content, line)
-        else:
+        if event["kind"] not in ("pdo", "j1939-message", "frame"):
             time, text = records.popleft()
             assert text == line, (text, line)
             assert not has_time(line) or time == nanoseconds(line), (time, line)

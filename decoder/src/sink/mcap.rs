@@ -98,6 +98,11 @@ impl<W: Write + Send> Mcap<W> {
             return;
         }
         let written = match values::carried(event) {
+            // How a transfer went is an event besides what it brought.
+            Some(carried) if matches!(event.kind, EventKind::J1939Transfer(_)) => self
+                .values(event, bus, &carried)
+                .and_then(|()| self.record(event, bus))
+                .and_then(|()| self.log(event, bus)),
             Some(carried) => self.values(event, bus, &carried),
             None if matches!(
                 event.kind,
@@ -126,7 +131,15 @@ impl<W: Write + Send> Mcap<W> {
         for signal in carried.layout.signals(carried.payload) {
             let Some((_, key)) = keys.find(|(field, _)| std::ptr::eq(*field, signal.field)) else { continue };
             let told = values::told(&signal);
-            push_member(&mut self.line, key, "", told.value);
+            // What has no value leaves a gap in a plot.
+            let has_value = match told.value {
+                FieldValue::Null => false,
+                FieldValue::Real(value) => value.is_finite(),
+                _ => true,
+            };
+            if has_value {
+                push_member(&mut self.line, key, "", told.value);
+            }
             if let Some(label) = told.label {
                 push_member(&mut self.line, key, "_label", FieldValue::Text(label));
             }
@@ -232,7 +245,7 @@ impl<W: Write + Send> Mcap<W> {
     }
 }
 
-/// Appends `"key":value`; what is no number, text or truth is left out.
+/// Appends `"key":value`.
 fn push_member(line: &mut Vec<u8>, key: &str, ending: &str, value: FieldValue<'_>) {
     if line.len() > 1 {
         line.push(b',');
