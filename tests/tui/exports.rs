@@ -1,6 +1,7 @@
 //! Values and events for other programs: CSV long and wide, Parquet.
 
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::fs;
 use std::path::PathBuf;
 
@@ -90,12 +91,12 @@ fn long_and_wide_hold_the_same_values() {
 
 /// Messages 1 to `messages` with 64 signals of a bit each.
 fn bits(messages: u32) -> (String, String) {
-    let signals: String =
-        (0..64).map(|bit| format!(" SG_ S{bit} : {bit}|1@1+ (1,0) [0|1] \"\" N\n")).collect();
-    let dbc = (1..=messages).map(|message| format!("BO_ {message} M{message}: 8 N\n{signals}")).collect();
-    let frames = (1..=messages)
-        .map(|message| format!("({message}.0) can0 {message:03X}#FFFFFFFFFFFFFFFF\n"))
-        .collect();
+    let (mut dbc, mut frames) = ("VERSION \"\"\n".to_owned(), String::new());
+    for message in 1..=messages {
+        writeln!(dbc, "BO_ {message} M{message}: 8 N").unwrap();
+        (0..64).for_each(|bit| writeln!(dbc, " SG_ S{bit} : {bit}|1@1+ (1,0) [0|1] \"\" N").unwrap());
+        writeln!(frames, "({message}.0) can0 {message:03X}#FFFFFFFFFFFFFFFF").unwrap();
+    }
     (dbc, frames)
 }
 
@@ -136,6 +137,9 @@ fn wide_rows_of_several_buses_and_captures() {
                     1.000000000,\"'=x\",1,1,,\r\n2.000000000,can9,2,,2,\r\n\
                     3.000000000,can0,1,3,,\r\n4.000000000,can1,2,,,4\r\n5.000000000,can9,3,,5,\r\n";
     assert_eq!(text, expected);
+    let text = ok(&["decode", "-f", "csv", "--dbc", &dbc, &first, &second], "").stdout;
+    let groups: Vec<String> = table(&text).into_iter().skip(1).map(|row| row[5].clone()).collect();
+    assert_eq!(groups, ["frame/001", "can9/frame/001", "frame/001", "can1/frame/001", "can9/frame/001"]);
 }
 
 #[test]

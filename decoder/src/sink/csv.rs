@@ -8,7 +8,8 @@
 use std::io::{self, Write};
 
 use super::ascii::push_seconds;
-use super::{push_escaped, values};
+use super::push_escaped;
+use super::values::{self, Groups, Named};
 use crate::event::Event;
 use crate::frame::Timestamp;
 use crate::query::record::FieldValue;
@@ -20,6 +21,7 @@ const HEADER: &str = "time,bus,frame,node,device,group,signal,id,value,unit,labe
 /// Writes values as CSV, long. The first write error is kept and ends all writing.
 pub struct Csv<W> {
     output: W,
+    groups: Groups<Named>,
     line: Vec<u8>,
     has_begun: bool,
     error: Option<io::Error>,
@@ -28,15 +30,26 @@ pub struct Csv<W> {
 impl<W: Write> Csv<W> {
     /// Writes to `output`, which should be buffered.
     pub fn new(output: W) -> Self {
-        Self { output, line: Vec::with_capacity(256), has_begun: false, error: None }
+        Self {
+            output,
+            groups: Groups::default(),
+            line: Vec::with_capacity(256),
+            has_begun: false,
+            error: None,
+        }
+    }
+
+    /// The next capture begins: its buses have names of their own.
+    pub fn begin_capture(&mut self) {
+        self.groups = Groups::default();
     }
 
     /// Writes the values of an event, if it has any.
     pub fn write(&mut self, event: &Event, bus: &Bus) {
         let Some(carried) = values::carried(event).filter(|_| self.error.is_none()) else { return };
         self.begin();
-        let group = values::name(carried.group, bus);
-        for signal in carried.layout.signals(carried.payload) {
+        let Some(named) = self.groups.of(&carried, || Named::of(&carried, bus)) else { return };
+        for (signal, (name, id)) in carried.with(&named.fields) {
             let told = values::told(&signal);
             self.line.clear();
             let line = &mut self.line;
@@ -49,9 +62,9 @@ impl<W: Write> Csv<W> {
             push_cell(line, &node);
             let device = event.node.and_then(|node| bus.node(node)).and_then(|node| node.device_id());
             push_cell(line, device.unwrap_or_default());
-            push_cell(line, &group);
-            push_cell(line, &values::field_name(signal.field));
-            push_cell(line, &signal.field.id.to_string());
+            push_cell(line, &named.group);
+            push_cell(line, name);
+            push_cell(line, id);
             push_value(line, told.value);
             push_cell(line, values::unit(signal.field));
             push_cell(line, told.label.unwrap_or_default());

@@ -126,10 +126,7 @@ impl<W: Write + Send> Mcap<W> {
         let Some(group) = self.groups.get_mut(&carried.group) else { return Ok(()) };
         self.line.clear();
         self.line.push(b'{');
-        // Fields that are not there leave a gap: which key is a field's is told by its place.
-        let mut keys = carried.layout.fields.iter().zip(&group.keys);
-        for signal in carried.layout.signals(carried.payload) {
-            let Some((_, key)) = keys.find(|(field, _)| std::ptr::eq(*field, signal.field)) else { continue };
+        for (signal, key) in carried.with(&group.keys) {
             let told = values::told(&signal);
             // What has no value leaves a gap in a plot.
             let has_value = match told.value {

@@ -18,6 +18,19 @@ pub(super) struct Carried<'a> {
     pub(super) payload: &'a [u8],
 }
 
+impl<'a> Carried<'a> {
+    /// The values there are, each with what belongs to its field; `others` has one for each field of the layout.
+    pub(super) fn with<I: IntoIterator>(&self, others: I) -> impl Iterator<Item = (Signal<'a>, I::Item)> {
+        let layout: &'a Layout = self.layout;
+        // Fields that are not there leave a gap: what is a field's is told by its place.
+        let mut others = layout.fields.iter().zip(others);
+        layout.signals(self.payload).filter_map(move |signal| {
+            let (_, other) = others.find(|(field, _)| std::ptr::eq(*field, signal.field))?;
+            Some((signal, other))
+        })
+    }
+}
+
 /// Which values belong together over time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(super) enum Group {
@@ -46,6 +59,21 @@ impl<T> Groups<T> {
             self.0.insert(carried.group, (Arc::clone(carried.layout), learn()));
         }
         self.0.get_mut(&carried.group).map(|(_, known)| known)
+    }
+}
+
+/// What a group and its fields are called.
+pub(super) struct Named {
+    pub(super) group: String,
+    /// Name and identity of each field of the layout.
+    pub(super) fields: Vec<(String, String)>,
+}
+
+impl Named {
+    pub(super) fn of(carried: &Carried<'_>, bus: &Bus) -> Self {
+        let fields = carried.layout.fields.iter();
+        let fields = fields.map(|field| (field_name(field), field.id.to_string())).collect();
+        Self { group: name(carried.group, bus), fields }
     }
 }
 

@@ -183,6 +183,7 @@ impl Printer {
         match &mut self.sink {
             Sink::Text(text) => text.heading(&format!("== {name}")),
             Sink::Jsonl(jsonl) => jsonl.set_capture(Some(name.to_owned())),
+            Sink::Csv(csv) => csv.begin_capture(),
             Sink::CsvWide(csv) => csv.begin_capture(),
             #[cfg(feature = "parquet")]
             Sink::Parquet(parquet) => parquet.set_capture(Some(name.to_owned())),

@@ -87,12 +87,7 @@ impl<W: Write, S: Read + Write + Seek> CsvWide<W, S> {
         push_cell(row, bus.name());
         row.push(b',');
         push_decimal(row, event.frames.last);
-        // Fields that are not there leave a gap: which column is a field's is told by its place.
-        let mut places = carried.layout.fields.iter().zip(places);
-        for signal in carried.layout.signals(carried.payload) {
-            let Some((_, place)) = places.find(|(field, _)| std::ptr::eq(*field, signal.field)) else {
-                continue;
-            };
+        for (signal, place) in carried.with(places) {
             if let Some(column) = self.columns.of(place) {
                 push_value(self.spool.cell(column), values::told(&signal).value);
             }

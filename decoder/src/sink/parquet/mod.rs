@@ -11,7 +11,7 @@ use std::io::{self, Write};
 
 use super::jsonl::Lines;
 use super::text::Line;
-use super::values::{self, Carried, Groups};
+use super::values::{self, Carried, Groups, Named};
 use crate::event::Event;
 use crate::frame::Timestamp;
 use crate::query::record::{FieldValue, protocol};
@@ -60,13 +60,6 @@ pub struct Parquet<W: Write + Send> {
     groups: Groups<Named>,
     capture: Option<String>,
     error: Option<io::Error>,
-}
-
-/// What a group and its fields are called.
-struct Named {
-    group: String,
-    /// Name and identity of each field of the layout.
-    fields: Vec<(String, String)>,
 }
 
 impl<W: Write + Send> Parquet<W> {
@@ -131,12 +124,7 @@ impl<W: Write + Send> Parquet<W> {
     fn values(&mut self, event: &Event, bus: &Bus, carried: &Carried<'_>) -> io::Result<()> {
         let Some(named) = self.groups.of(carried, || Named::of(carried, bus)) else { return Ok(()) };
         let device = event.node.and_then(|node| bus.node(node)).and_then(|node| node.device_id());
-        let mut fields = carried.layout.fields.iter().zip(&named.fields);
-        for signal in carried.layout.signals(carried.payload) {
-            // Fields that are not there leave a gap: which name is a field's is told by its place.
-            let Some((_, (name, id))) = fields.find(|(field, _)| std::ptr::eq(*field, signal.field)) else {
-                continue;
-            };
+        for (signal, (name, id)) in carried.with(&named.fields) {
             let told = values::told(&signal);
             let mut hex = String::new();
             let (value, text) = cells(told.value, &mut hex);
@@ -176,14 +164,6 @@ impl<W: Write + Send> Parquet<W> {
     /// Whether writing failed, so that more work is in vain.
     pub fn has_failed(&self) -> bool {
         self.error.is_some()
-    }
-}
-
-impl Named {
-    fn of(carried: &Carried<'_>, bus: &Bus) -> Self {
-        let fields = carried.layout.fields.iter();
-        let fields = fields.map(|field| (values::field_name(field), field.id.to_string())).collect();
-        Self { group: values::name(carried.group, bus), fields }
     }
 }
 
