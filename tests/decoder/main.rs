@@ -6,6 +6,7 @@
 mod corpus;
 mod corpus_conformance;
 mod corpus_j1939;
+mod damaged;
 mod dbc;
 mod device_files;
 mod device_rules;
@@ -19,6 +20,7 @@ mod findings_explained;
 mod formats_blf;
 mod formats_candump;
 mod formats_foreign;
+mod formats_mcap;
 mod formats_mdf4;
 mod formats_pcap;
 mod formats_text;

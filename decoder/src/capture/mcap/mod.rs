@@ -38,6 +38,9 @@ const MAGIC: &[u8] = b"\x89MCAP0\r\n";
 /// Bytes of a chunk as it stands in the file, at most.
 const LARGEST_CHUNK: usize = 32 * 1024 * 1024;
 
+/// Who wrote a file, in files of this program.
+const LIBRARY: &str = "cobscope";
+
 /// Keys of a channel's metadata, in files of this program.
 mod key {
     /// Says that the channel is one of this program, and what for: [`FRAMES`] or [`NOTICES`].
@@ -148,6 +151,7 @@ impl Mcap {
             }
             if !rest.is_empty() {
                 unreadable("the capture ends inside a record".into(), at, batch);
+                self.state = State::Over;
             }
             return Step::Took(rest.len());
         };
@@ -179,6 +183,7 @@ impl Mcap {
                         at,
                         batch,
                     );
+                    self.state = State::Over;
                 }
                 taken
             }
@@ -255,7 +260,7 @@ impl Mcap {
 
     fn end(&mut self, batch: &mut Batch) {
         match std::mem::replace(&mut self.state, State::Over) {
-            State::Over => return,
+            State::Over => {}
             State::Finished if self.skip > 0 => {
                 unreadable("the capture ends inside its footer".into(), self.offset, batch);
             }

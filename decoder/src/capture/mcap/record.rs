@@ -15,11 +15,13 @@ use nom::{IResult, Parser};
 pub(super) const HEAD: usize = 9;
 
 /// Kinds of records that are looked at, and the last one there is.
+const HEADER: u8 = 0x01;
 const FOOTER: u8 = 0x02;
 const SCHEMA: u8 = 0x03;
 const CHANNEL: u8 = 0x04;
 const MESSAGE: u8 = 0x05;
 const CHUNK: u8 = 0x06;
+const STATISTICS: u8 = 0x0B;
 const LAST: u8 = 0x0F;
 
 /// First of the kinds that everybody may use.
@@ -28,6 +30,8 @@ const PRIVATE: u8 = 0x80;
 /// What kind a record is, as far as it matters here.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
+    /// The first record: who wrote the file.
+    Header,
     /// The last record of a finished file.
     Footer,
     /// How messages are laid out.
@@ -38,7 +42,9 @@ pub(super) enum Kind {
     Message,
     /// Records, packed.
     Chunk,
-    /// Indexes, attachments, statistics, and what others made up.
+    /// How many messages there are.
+    Statistics,
+    /// Indexes, attachments, and what others made up.
     Other,
     /// What the specification does not have.
     Unknown(u8),
@@ -47,11 +53,13 @@ pub(super) enum Kind {
 /// Kind and length of the record at the front of `input`; `None` if it is too short for them.
 pub(super) fn head(input: &[u8]) -> Option<(Kind, u64)> {
     let kind = match *input.first()? {
+        HEADER => Kind::Header,
         FOOTER => Kind::Footer,
         SCHEMA => Kind::Schema,
         CHANNEL => Kind::Channel,
         MESSAGE => Kind::Message,
         CHUNK => Kind::Chunk,
+        STATISTICS => Kind::Statistics,
         1..=LAST | PRIVATE.. => Kind::Other,
         unknown => Kind::Unknown(unknown),
     };
@@ -107,6 +115,18 @@ pub(super) struct Chunk<'a> {
 
 fn text(input: &[u8]) -> IResult<&[u8], &[u8]> {
     length_data(le_u32).parse(input)
+}
+
+/// The library that wrote a file, as its header says; `None` if that is too short.
+pub(super) fn library(contents: &[u8]) -> Option<&[u8]> {
+    let (_, (_profile, library)) = (text, text).parse(contents).ok()?;
+    Some(library)
+}
+
+/// Messages of a file, as its statistics say; `None` if they are too short.
+pub(super) fn messages(contents: &[u8]) -> Option<u64> {
+    let (_, count) = le_u64::<_, nom::error::Error<_>>(contents).ok()?;
+    Some(count)
 }
 
 /// Contents of a schema record; `None` if they are too short.

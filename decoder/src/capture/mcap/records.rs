@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::layout::Layout;
 use super::message::{self, Encoding};
 use super::record::{self, HEAD, Kind};
-use super::{key, unreadable};
+use super::{LIBRARY, key, unreadable};
 use crate::capture::remark::Remark;
 use crate::capture::{Batch, BusNames, MAX_BUS_NAME, MAX_BUSES, Notice, Place};
 use crate::frame::{BusIndex, Frame, FrameFlags, Timestamp};
@@ -31,9 +31,13 @@ pub(super) struct Records {
     layouts: Arc<HashMap<u16, Option<Arc<Layout>>>>,
     channels: Arc<HashMap<u16, Channel>>,
     frames: u64,
-    /// Messages that are no CAN frames.
+    /// All messages.
+    messages: u64,
+    /// Those that are no CAN frames.
     others: u64,
     said_others: bool,
+    /// Written by this program, which knows what it put beside the frames.
+    is_own: bool,
 }
 
 /// What comes over a channel.
@@ -76,12 +80,18 @@ impl Records {
             Kind::Schema => record::schema(contents).map(|schema| self.schema(&schema)),
             Kind::Channel => record::channel(contents).map(|channel| self.channel(&channel)),
             Kind::Message => record::message(contents).map(|message| self.message(&message, at, batch)),
+            Kind::Header => {
+                record::library(contents).map(|library| self.is_own = library == LIBRARY.as_bytes())
+            }
+            Kind::Statistics => record::messages(contents).map(|count| self.compare(count, at, batch)),
             Kind::Footer | Kind::Chunk | Kind::Other | Kind::Unknown(_) => Some(()),
         };
         if known.is_none() {
             let what = match kind {
                 Kind::Schema => "schema",
                 Kind::Channel => "channel",
+                Kind::Header => "header",
+                Kind::Statistics => "statistics",
                 _ => "message",
             };
             unreadable(format!("{what}: too short, or a length in it is too large"), at, batch);
@@ -108,6 +118,18 @@ impl Records {
             *done = done.saturating_add(end);
         }
         true
+    }
+
+    /// A chunk that is taken for something else is missed by nobody but who counted its messages.
+    fn compare(&self, count: u64, at: u64, batch: &mut Batch) {
+        let found = self.messages;
+        if count > found {
+            unreadable(
+                format!("the recording counts {count} messages, of which {found} were found"),
+                at,
+                batch,
+            );
+        }
     }
 
     fn schema(&mut self, schema: &record::Schema<'_>) {
@@ -148,6 +170,7 @@ impl Records {
     }
 
     fn message(&mut self, message: &record::Message<'_>, at: u64, batch: &mut Batch) {
+        self.messages += 1;
         match self.channels.get(&message.channel) {
             Some(Channel::Frames(source)) => {
                 let found = message::read(&source.layout, source.encoding, message.data);
@@ -214,7 +237,7 @@ impl Records {
 
     /// Says at the end what was passed over.
     pub(super) fn summarise(&mut self, batch: &mut Batch) {
-        if self.others > 0 && !std::mem::replace(&mut self.said_others, true) {
+        if self.others > 0 && !self.is_own && !std::mem::replace(&mut self.said_others, true) {
             let text = format!("{} messages of topics that are no CAN frames passed over", self.others);
             batch.notice(Notice::Assumption(text));
         }

@@ -8,7 +8,7 @@ use mcap::write::{Metadata, NoSeek};
 use mcap::{Attachment, Compression, McapError, McapResult};
 use serde_json::json;
 
-use super::key;
+use super::{LIBRARY, key};
 use crate::capture::remark::Remark;
 use crate::capture::{FrameWriter, Notice, Packing};
 use crate::frame::{CanId, Frame, FrameFlags, Timestamp};
@@ -94,7 +94,7 @@ impl<W: Write> McapWriter<W> {
             .chunk_size(Some(CHUNK))
             // Each chunk has a checksum of its own; a second one of the same bytes costs as much again.
             .calculate_data_section_crc(false)
-            .library("cobscope")
+            .library(LIBRARY)
             .disable_seeking(true);
         let file = options.create(NoSeek::new(output)).map_err(|error| Some(to_io(error)));
         Self { file, sources: Vec::new(), last: 0, log: None, time: 0, pending: 0, has_finished: false }

@@ -1,0 +1,260 @@
+//! Every format, cut off and damaged: whatever a capture is, what stands before the damage is given, nothing is made
+//! up, and what is said has a place.
+
+use std::fs;
+use std::io::{self, Write};
+use std::sync::{Arc, Mutex};
+
+use cobscope_decoder::capture::{FORMATS, Notice, Packing, Place, ReadOptions, WRITABLE, WriteOptions};
+use cobscope_decoder::frame::{CanId, Frame, FrameFlags, Timestamp};
+
+use crate::harness::reader::{Content, format, holds_its_contract, parse};
+use crate::support::workspace;
+
+/// Places looked at of each capture: the tests are slow.
+const PLACES: usize = 300;
+
+#[derive(Clone, Default)]
+struct Shared(Arc<Mutex<Vec<u8>>>);
+
+impl Write for Shared {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.lock().unwrap().write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// A capture as this program writes it.
+fn written(name: &str, packing: Packing) -> Vec<u8> {
+    let format = WRITABLE.iter().find(|format| format.name == name).unwrap();
+    let output = Shared::default();
+    let mut writer = (format.writer)(Box::new(output.clone()), &WriteOptions { packing });
+    for number in 0..30_u8 {
+        let frame = Frame::data_frame(CanId::standard(0x180 + u16::from(number)), &[number; 4]);
+        let time = Some(Timestamp(1_700_000_000_000_000_000 + i64::from(number) * 1_000_000));
+        writer.write(&Frame { time, flags: FrameFlags::RECEIVED, ..frame }, "can0").unwrap();
+        if number % 10 == 9 {
+            writer.flush().unwrap();
+        }
+    }
+    writer.finish().unwrap();
+    let bytes = output.0.lock().unwrap().clone();
+    bytes
+}
+
+/// pcap with nanoseconds, little-endian, LINKTYPE_CAN_SOCKETCAN.
+fn pcap() -> Vec<u8> {
+    let mut bytes = b"\x4D\x3C\xB2\xA1\x02\0\x04\0\0\0\0\0\0\0\0\0\xFF\xFF\0\0\xE3\0\0\0".to_vec();
+    for number in 0..30_u32 {
+        for word in [1_700_000_000, number * 1_000_000, 16, 16] {
+            bytes.extend_from_slice(&u32::to_le_bytes(word));
+        }
+        bytes.extend_from_slice(&(0x180 + number).to_be_bytes());
+        bytes.extend_from_slice(&[4, 0, 0, 0, 1, 2, 3, number.to_le_bytes()[0], 0, 0, 0, 0]);
+    }
+    bytes
+}
+
+fn fixture(name: &str) -> Vec<u8> {
+    fs::read(workspace().join("fixtures").join(name)).unwrap()
+}
+
+/// A capture in each format: what it is, and its bytes.
+fn captures() -> Vec<(&'static str, Vec<u8>)> {
+    let mut captures = vec![
+        ("pcap", pcap()),
+        ("blf", fixture("recorders/stored.blf")),
+        ("mdf4", fixture("recorders/unsorted.mf4")),
+        ("busmaster", fixture("fuzz/busmaster/sample.log")),
+        ("carbus", fixture("fuzz/carbus/sample.trc")),
+        ("microchip", fixture("fuzz/microchip/sample.log")),
+        ("canking", fixture("fuzz/canking/sample.txt")),
+        ("crtd", fixture("fuzz/crtd/sample.crtd")),
+        ("roadster", fixture("fuzz/roadster/sample.txt")),
+        ("csv", fixture("fuzz/csv/python-can.csv")),
+        ("candump", fixture("dialects/candump_ta.txt")),
+        ("asc", fixture("dialects/log2asc.asc")),
+    ];
+    captures.extend(WRITABLE.iter().map(|format| (format.name, written(format.name, Packing::None))));
+    captures
+}
+
+/// Captures whose content is packed: what is damaged in them costs what was packed with it.
+fn packed() -> Vec<(&'static str, Vec<u8>)> {
+    let mut captures = Vec::new();
+    if cfg!(feature = "gzip") {
+        captures.push(("blf", fixture("recorders/zlib.blf")));
+        captures.push(("mdf4", fixture("recorders/sorted.mf4")));
+    }
+    if cfg!(feature = "mcap") {
+        captures.push(("mcap", written("mcap", Packing::Zstd)));
+        captures.push(("mcap", written("mcap", Packing::Lz4)));
+    }
+    captures
+}
+
+fn content(name: &str, bytes: &[u8]) -> Content {
+    let content = parse(&mut *(format(name).parser)(&ReadOptions::default()), bytes, || usize::MAX);
+    for (_, notice) in &content.notices {
+        if let Notice::Unreadable { place, reason } = notice {
+            let is_line = matches!(place, Place::Line(line) if *line > 0);
+            // Links of MDF4 lead to where something should be.
+            let within = |at: u64| name == "mdf4" || at <= bytes.len() as u64;
+            let is_offset = matches!(place, Place::Offset(at) if within(*at));
+            assert!(if format(name).is_text { is_line } else { is_offset }, "{name}: {place}: {reason}");
+            assert!(!reason.is_empty() && reason.len() < 400, "{name}: {reason}");
+        }
+    }
+    content
+}
+
+/// Whether something is said that is no assumption.
+fn is_told(content: &Content) -> bool {
+    let is_remark = |notice: &Notice| match notice {
+        Notice::Assumption(text) => text.contains("not finished"),
+        _ => true,
+    };
+    content.error.is_some() || content.notices.iter().any(|(_, notice)| is_remark(notice))
+}
+
+/// About [`PLACES`] places of a capture, all of a small one.
+fn places(bytes: &[u8]) -> impl Iterator<Item = usize> {
+    (1..bytes.len()).step_by(bytes.len() / PLACES + 1)
+}
+
+fn same(ours: &[Frame], whole: &[Frame]) -> usize {
+    ours.iter().zip(whole).take_while(|(ours, whole)| ours == whole).count()
+}
+
+/// Whether frames are some of the whole ones, in order.
+fn is_within(frames: &[Frame], whole: &[Frame]) -> bool {
+    let mut whole = whole.iter();
+    frames.iter().all(|frame| whole.any(|other| Frame { number: frame.number, ..*other } == *frame))
+}
+
+#[test]
+fn there_is_a_capture_of_every_format() {
+    let captures = captures();
+    for format in FORMATS {
+        assert!(captures.iter().any(|(name, _)| *name == format.name), "{}", format.name);
+    }
+    for (name, bytes) in captures {
+        let content = content(name, &bytes);
+        assert!(content.frames.len() > 2, "{name}");
+        assert_eq!((content.error, (format(name).detect)(&bytes)), (None, true), "{name}");
+    }
+}
+
+#[test]
+fn a_capture_cut_off_anywhere_gives_all_before_the_cut_and_nothing_else() {
+    for (name, bytes) in captures().into_iter().chain(packed()) {
+        let (whole, is_text) = (content(name, &bytes), format(name).is_text);
+        let (mut before, mut silent) = (0, 0);
+        for cut in places(&bytes) {
+            let part = content(name, &bytes[..cut]);
+            if name == "mdf4" {
+                // Its groups are merged by time, so what one of them loses is missing in between.
+                assert!(is_within(&part.frames, &whole.frames), "{name}: {cut} bytes");
+                before = part.frames.len();
+                silent += usize::from(before < whole.frames.len() && !is_told(&part));
+                continue;
+            }
+            let same = same(&part.frames, &whole.frames);
+            // Half a line may be a shorter frame.
+            let is_last_line = is_text && same + 1 == part.frames.len();
+            assert!(same == part.frames.len() || is_last_line, "{name}: {cut} bytes");
+            assert!(same >= before, "{name}: {cut} bytes: {same} frames, {before} of fewer");
+            if is_text {
+                // Each line that is whole is read as in the whole capture.
+                let lines = bytes[..cut]
+                    .iter()
+                    .rposition(|byte| matches!(byte, b'\n' | b'\r'))
+                    .map_or(0, |end| end + 1);
+                let lines = content(name, &bytes[..lines]).frames.len();
+                assert!(same >= lines.min(whole.frames.len()) && same <= lines + 1, "{name}: {cut} bytes");
+            }
+            silent += usize::from(part.frames.len() < whole.frames.len() && !is_told(&part));
+            before = same;
+        }
+        // The last block of MDF4 may be one that others cannot be read without.
+        let is_all = name == "mdf4" || before + 1 >= whole.frames.len();
+        assert!(is_all, "{name}: {before} of {} frames", whole.frames.len());
+        // Between two records nothing is wrong: a capture may end there. In a record something is.
+        assert!(
+            is_text || silent <= whole.frames.len() + 3,
+            "{name}: {silent} cuts of which nothing is said"
+        );
+    }
+}
+
+#[test]
+fn bytes_changed_anywhere_cost_nothing_before_them() {
+    for (name, bytes) in captures() {
+        // Which of several groups comes first stands in the header of MDF4; it has a test of its own.
+        if name == "mdf4" {
+            continue;
+        }
+        let whole = content(name, &bytes);
+        for at in places(&bytes) {
+            let before = content(name, &bytes[..at]);
+            // The beginning says how all of it is read, and the frame before may reach to here.
+            let kept = same(&before.frames, &whole.frames).saturating_sub(1);
+            if kept == 0 {
+                continue;
+            }
+            for change in [1 << (at % 8), 0xFF, b'\n'] {
+                let mut damaged = bytes.clone();
+                damaged[at] ^= change;
+                let found = content(name, &damaged);
+                let found = same(&found.frames, &whole.frames);
+                let size = bytes.len();
+                assert!(
+                    found >= kept,
+                    "{name}: byte {at} of {size} ^ {change:#04X}: {found} of {kept} frames"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn lengths_that_lie_anywhere_end_and_cost_nothing_before_them() {
+    for (name, bytes) in captures() {
+        if format(name).is_text {
+            continue;
+        }
+        let whole = content(name, &bytes);
+        for at in places(&bytes) {
+            let kept = same(&content(name, &bytes[..at]).frames, &whole.frames).saturating_sub(1);
+            for (size, lie) in [(2, 0xFF), (4, 0xFF), (8, 0xFF), (8, 0x7F), (4, 0)] {
+                let mut lying = bytes.clone();
+                let end = (at + size).min(lying.len());
+                lying[at..end].fill(lie);
+                let found = content(name, &lying);
+                assert!(found.frames.len() <= bytes.len(), "{name}: byte {at}");
+                assert!(found.notices.len() <= bytes.len(), "{name}: byte {at}");
+                if name != "mdf4" {
+                    let found = same(&found.frames, &whole.frames);
+                    assert!(
+                        found >= kept,
+                        "{name}: {size} bytes {lie:02X} at {at}: {found} of {kept} frames"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn any_reader_holds_its_contract_on_any_capture_that_is_damaged() {
+    for (name, bytes) in captures().into_iter().chain(packed()) {
+        for at in places(&bytes).step_by(7) {
+            let mut damaged = bytes.clone();
+            damaged[at] ^= 1 << (at % 8);
+            holds_its_contract(name, &damaged[..damaged.len() - at % 5]);
+        }
+    }
+}
