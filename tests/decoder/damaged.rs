@@ -12,7 +12,7 @@ use crate::harness::reader::{Content, format, holds_its_contract, parse};
 use crate::support::workspace;
 
 /// Places looked at of each capture: the tests are slow.
-const PLACES: usize = 300;
+const PLACES: usize = 150;
 
 #[derive(Clone, Default)]
 struct Shared(Arc<Mutex<Vec<u8>>>);
@@ -41,8 +41,7 @@ fn written(name: &str, packing: Packing) -> Vec<u8> {
         }
     }
     writer.finish().unwrap();
-    let bytes = output.0.lock().unwrap().clone();
-    bytes
+    output.0.lock().unwrap().clone()
 }
 
 /// pcap with nanoseconds, little-endian, LINKTYPE_CAN_SOCKETCAN.

@@ -120,6 +120,6 @@ fn fixture(name: &str) -> PathBuf {
 
 /// Candump text of frames, a millisecond apart.
 fn log(frames: &[&str]) -> String {
-    let line = |(at, frame): (usize, &&str)| format!("(1700000000.{:03}000) can0 {frame}\n", at);
+    let line = |(at, frame): (usize, &&str)| format!("(1700000000.{at:03}000) can0 {frame}\n");
     frames.iter().enumerate().map(line).collect()
 }

@@ -44,17 +44,19 @@ fn rows(lines: &[String], from: u32) -> Vec<Row> {
     };
     let mut rows: Vec<Row> = lines.iter().map(row).collect();
     let start = rows.first().map_or(0, |row| row.time);
-    rows.iter_mut().for_each(|row| row.time -= start);
+    for row in &mut rows {
+        row.time -= start;
+    }
     rows
 }
 
 /// Of an error frame only that there was one, and when.
 fn marked(row: &Row) -> Row {
     let flags = row.rest.split('\t').nth(1).unwrap();
-    match flags.contains('E') {
-        true => Row { time: row.time, channel: String::new(), rest: "E".into() },
-        false => row.clone(),
+    if flags.contains('E') {
+        return Row { time: row.time, channel: String::new(), rest: "E".into() };
     }
+    row.clone()
 }
 
 /// In ASC it takes FD frames without data for remote frames.
@@ -107,9 +109,9 @@ fn python_can_finds_the_same_in_a_logger_s_capture_and_in_what_is_made_of_it() {
 fn tshark(path: &Path, fields: &[&str]) -> Option<Vec<Vec<String>>> {
     let mut command = Command::new("tshark");
     command.args(["-Q", "-T", "fields"]);
-    fields.iter().for_each(|field| {
+    for field in fields {
         command.args(["-e", field]);
-    });
+    }
     let Ok(output) = command.arg("-r").arg(path).output() else {
         support::skip("tshark", "the program is missing");
         return None;

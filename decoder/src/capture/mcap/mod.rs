@@ -146,14 +146,7 @@ impl Mcap {
             State::Over => return if rest.is_empty() { Step::Wait } else { Step::Took(rest.len()) },
         }
         let Some((kind, length)) = record::head(rest) else {
-            if !at_end {
-                return Step::Wait;
-            }
-            if !rest.is_empty() {
-                unreadable("the capture ends inside a record".into(), at, batch);
-                self.state = State::Over;
-            }
-            return Step::Took(rest.len());
+            return if at_end { self.cut(at, rest, batch) } else { Step::Wait };
         };
         if let Kind::Unknown(kind) = kind {
             unreadable(
@@ -199,6 +192,15 @@ impl Mcap {
     #[expect(clippy::unused_self, reason = "read as a property of the reader")]
     fn largest_record(&self) -> u64 {
         LARGEST_CHUNK as u64
+    }
+
+    /// The end of the capture, where a record should begin: nothing, or a part of its head.
+    fn cut(&mut self, at: u64, rest: &[u8], batch: &mut Batch) -> Step {
+        if !rest.is_empty() {
+            unreadable("the capture ends inside a record".into(), at, batch);
+            self.state = State::Over;
+        }
+        Step::Took(rest.len())
     }
 
     fn pass_over(&mut self, rest: &[u8]) -> Step {
