@@ -286,7 +286,7 @@ fn rewrite(captures: &Captures, name: &str, packing: Packing) -> Outcome {
 fn crate_alone(captures: &Captures, compression: Option<mcap::Compression>) -> Outcome {
     let output = BufWriter::with_capacity(OUTPUT, io::sink());
     let mut writer = mcap::WriteOptions::new()
-        .compression_level(u32::from(compression == Some(mcap::Compression::Zstd)))
+        .compression_level(u32::from(matches!(compression, Some(mcap::Compression::Zstd))))
         .compression(compression)
         .compression_threads(0)
         .chunk_size(Some(1024 * 1024))
@@ -295,12 +295,12 @@ fn crate_alone(captures: &Captures, compression: Option<mcap::Compression>) -> O
         .create(mcap::write::NoSeek::new(output))?;
     let schema = writer.add_schema("frame", "ros2msg", b"")?;
     let channel_id = writer.add_channel(schema, "/can", "cdr", &BTreeMap::new())?;
-    let mut message = [0; 41];
-    let mut sequence = 0;
-    for frame in captures.first.iter().cycle().take(captures.frames) {
-        message[29..33].copy_from_slice(&frame.id.number().to_le_bytes());
-        message[33..].copy_from_slice(&frame.bytes[..8]);
-        sequence += 1;
+    let mut message = Vec::with_capacity(41);
+    for (sequence, frame) in (0..).zip(captures.first.iter().cycle().take(captures.frames)) {
+        message.clear();
+        message.extend_from_slice(&[0; 29]);
+        message.extend_from_slice(&frame.id.number().to_le_bytes());
+        message.extend_from_slice(frame.bytes.first_chunk::<8>().unwrap_or(&[0; 8]));
         let time = frame.time.map_or(0, |time| time.0.cast_unsigned());
         let header =
             mcap::records::MessageHeader { channel_id, sequence, log_time: time, publish_time: time };

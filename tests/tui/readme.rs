@@ -15,10 +15,9 @@ fn commands(document: &str) -> Vec<(String, Vec<String>)> {
     let mut commands: Vec<(String, Vec<String>)> = Vec::new();
     for block in text.split("```console\n").skip(1) {
         for line in block.split("```").next().unwrap().lines() {
-            match (line.strip_prefix("$ cobscope "), commands.last_mut()) {
-                (Some(command), _) => commands.push((command.to_owned(), Vec::new())),
-                (None, Some((_, screen))) => screen.push(line.to_owned()),
-                (None, None) => panic!("{document}: {line}"),
+            match line.strip_prefix("$ cobscope ") {
+                Some(command) => commands.push((command.to_owned(), Vec::new())),
+                None => commands.last_mut().unwrap().1.push(line.to_owned()),
             }
         }
     }
@@ -35,11 +34,12 @@ fn words(command: &str) -> Vec<&str> {
 
 /// Whether lines are as shown, where any number may be left out.
 fn fits(shown: &[String], lines: &[&str]) -> bool {
-    match shown.split_first() {
-        None => lines.is_empty(),
-        Some((first, rest)) if first == LEFT_OUT => (0..=lines.len()).any(|at| fits(rest, &lines[at..])),
-        Some((first, rest)) => lines.first().is_some_and(|line| line == first) && fits(rest, &lines[1..]),
+    let Some((first, rest)) = shown.split_first() else { return lines.is_empty() };
+    let others = lines.get(1..).unwrap_or_default();
+    if first == LEFT_OUT {
+        return fits(rest, lines) || (!lines.is_empty() && fits(shown, others));
     }
+    lines.first().is_some_and(|line| line == first) && fits(rest, others)
 }
 
 #[test]

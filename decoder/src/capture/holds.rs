@@ -41,6 +41,8 @@ pub struct Holds {
     pub untimed: bool,
     /// Times before that of the first frame; otherwise they are written as that one.
     pub backwards: bool,
+    /// Times below zero (before 1970); otherwise they are written as zero.
+    pub negative: bool,
     /// CAN FD frames with both their flags; otherwise they are left out.
     pub fd: bool,
     /// Error frames.
@@ -132,6 +134,7 @@ impl Holds {
         resolution: 1,
         untimed: true,
         backwards: true,
+        negative: true,
         fd: true,
         errors: ErrorFrames::Whole,
         raw_dlc: true,
@@ -148,7 +151,8 @@ impl Holds {
             return None;
         }
         let mut kept = if is_error { self.errors.kept(frame)? } else { *frame };
-        kept.time = frame.time.map(|time| self.cut(time));
+        kept.time =
+            frame.time.map(|time| self.cut(if self.negative { time } else { time.max(Timestamp(0)) }));
         if !self.raw_dlc {
             kept.raw_dlc = 0;
         }
@@ -185,6 +189,7 @@ impl Holds {
         let others = [
             (!self.untimed).then_some("frames without time"),
             (!self.backwards).then_some("times before that of the first frame"),
+            (!self.negative).then_some("times below zero"),
             (!self.fd).then_some("CAN FD frames"),
             errors,
             (!self.raw_dlc).then_some("DLCs above 8 of classic frames"),
@@ -211,19 +216,21 @@ enum Loss {
     Resolution,
     NoTime,
     Backwards,
+    Negative,
     RawDlc,
     Direction,
     DirectionAssumed,
 }
 
 /// What is said of each, behind the number of frames.
-const SAID: [(Loss, &str); 9] = [
+const SAID: [(Loss, &str); 10] = [
     (Loss::FdFrame, "CAN FD frames left out"),
     (Loss::ErrorFrame, "error frames left out"),
     (Loss::ErrorDetail, "error frames without their class and details"),
     (Loss::Resolution, "times cut to"),
     (Loss::NoTime, "frames without time got the time of the frame before"),
     (Loss::Backwards, "times before that of the first frame written as that one"),
+    (Loss::Negative, "times below zero written as zero"),
     (Loss::RawDlc, "DLCs above 8 written as 8"),
     (Loss::Direction, "frames without being received or sent"),
     (Loss::DirectionAssumed, "frames not known to be received or sent, written as received"),
@@ -289,6 +296,9 @@ impl Losses {
         if time < first && !self.holds.backwards {
             self.count(Loss::Backwards);
         }
+        if time.0 < 0 && !self.holds.negative {
+            self.count(Loss::Negative);
+        }
     }
 
     /// Counts a notice that had no place.
@@ -351,6 +361,7 @@ mod tests {
         resolution: 1_000,
         untimed: false,
         backwards: false,
+        negative: false,
         fd: false,
         errors: ErrorFrames::Mark,
         raw_dlc: false,
@@ -382,6 +393,7 @@ mod tests {
         losses.see(&Frame { time: None, ..frame(0) });
         losses.see(&Frame { flags: FrameFlags::FD, ..frame(6_000) });
         losses.see(&Frame { flags: FrameFlags::ERROR, ..frame(6_000) });
+        losses.see(&frame(-1_000));
         losses.miss_notice();
         assert_eq!(
             losses.said(),
@@ -390,7 +402,8 @@ mod tests {
                 "1 error frames without their class and details",
                 "1 times cut to microseconds",
                 "1 frames without time got the time of the frame before",
-                "1 times before that of the first frame written as that one",
+                "2 times before that of the first frame written as that one",
+                "1 times below zero written as zero",
                 "1 DLCs above 8 written as 8",
                 "1 frames without being received or sent",
                 "1 notes of lost frames, links and quiet times left out",
@@ -437,8 +450,10 @@ mod tests {
     #[test]
     fn what_is_kept_is_what_is_read_again() {
         let odd = Frame { raw_dlc: 9, flags: FrameFlags::RECEIVED, ..frame(-1) };
-        let kept = Frame { raw_dlc: 0, flags: FrameFlags(0), ..frame(-1_000) };
+        let kept = Frame { raw_dlc: 0, flags: FrameFlags(0), ..frame(0) };
         assert_eq!(POOR.kept(&odd), Some(kept));
+        let since = Holds { resolution: 1_000, ..Holds::ALL };
+        assert_eq!(since.kept(&odd).unwrap().time, Some(Timestamp(-1_000)));
         assert_eq!(POOR.kept(&Frame { flags: FrameFlags::FD, ..odd }), None);
         let error = Frame {
             flags: FrameFlags::ERROR,

@@ -42,7 +42,7 @@ pub(super) const WRITABLE: WritableFormat = WritableFormat {
     name: FORMAT.name,
     suffix: "log",
     title: FORMAT.title,
-    holds: Holds { notices: false, comments: false, ..Holds::ALL },
+    holds: Holds { negative: false, notices: false, comments: false, ..Holds::ALL },
     writer: |output, _| Box::new(write::CandumpWriter::new(output)),
 };
 

@@ -71,7 +71,7 @@ pub(super) const WRITABLE: WritableFormat = WritableFormat {
     name: FORMAT.name,
     suffix: "mcap",
     title: FORMAT.title,
-    holds: Holds { comments: false, ..Holds::ALL },
+    holds: Holds { negative: false, comments: false, ..Holds::ALL },
     writer: |output, options| Box::new(McapWriter::new(output, options.packing)),
 };
 

@@ -40,7 +40,7 @@ pub(super) const WRITABLE: WritableFormat = WritableFormat {
     name: FORMAT.name,
     suffix: "pcapng",
     title: FORMAT.title,
-    holds: Holds { untimed: false, ..Holds::ALL },
+    holds: Holds { untimed: false, negative: false, ..Holds::ALL },
     writer: |output, _| Box::new(write::PcapngWriter::new(output)),
 };
 
