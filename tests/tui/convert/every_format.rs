@@ -220,6 +220,21 @@ fn losses_are_counted_by_hand() {
 }
 
 #[test]
+fn times_below_zero_are_told_where_they_have_no_place() {
+    let folder = Folder::new();
+    folder.write(
+        "a.csv",
+        "time,bus,id,extended,remote,error,fd,brs,esi,direction,dlc,length,data,comment\n\
+         -5.000000000,can0,705,0,0,0,0,0,0,,1,1,05,\n",
+    );
+    let lost = "has no place for all of it: 1 times below zero written as zero";
+    for (out, title) in [("@a.log", "candump text"), ("@a.pcapng", "pcapng"), ("@a.mcap", "MCAP")] {
+        assert_eq!(folder.convert(&["@a.csv", out]).stderr, format!("cobscope: {title} {lost}\n"));
+    }
+    assert_eq!(folder.convert(&["@a.csv", "@b.csv"]).stderr, "");
+}
+
+#[test]
 fn links_lost_frames_and_quiet_times_go_where_there_is_a_place() {
     let folder = Folder::new();
     let source = fixture("dialects/dropped_ta_d.txt");
