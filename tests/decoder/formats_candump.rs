@@ -15,6 +15,7 @@ const CORPUS: &[&str] = &[
     "canopen/canopen-lens__sample_amr_2wheel.log",
     "formats/SavvyCAN__candump.log",
     "formats/mdf4-converters__multiple_CAN.log",
+    "formats/mdf4-converters__multiple_LIN.log",
     "nmea2000/canboat__actisense-522.candump.log",
     "j1939/remora_ctrl_proto__candump-2021-07-21_220402-15-seconds-engine-on-big-truck.log",
 ];

@@ -6,6 +6,7 @@
   * every message of JSON fits the schema its channel carries, and those of /log what foxglove.Log asks for
   * every PDO, message or transfer with signals in JSON Lines has its message, in order, with the same values one for one
   * /events, /findings and objects hold the other events, in order, word for word
+  * the metadata say the version, which device each node is, and what document its profile is made of
 Prints how many there were of each.
 """
 import json
@@ -45,6 +46,14 @@ def messages(path):
                 yield schema, channel.topic, message
 
 
+def check_metadata(path):
+    with open(path, "rb") as file:
+        tables = {table.name: table.metadata for table in make_reader(file).iter_metadata()}
+    assert tables["cobscope"]["version"], tables
+    profiles = tables.get("cobscope.profiles", {})
+    assert set(tables.get("cobscope.devices", {}).values()) == set(profiles) and all(profiles.values()), tables
+
+
 def has_time(line):
     return '"t":null' not in line
 
@@ -52,6 +61,7 @@ def has_time(line):
 def main():
     if len(sys.argv) != 3:
         sys.exit(__doc__)
+    check_metadata(sys.argv[1])
     validators, counts = {}, Counter()
     log = Draft202012Validator(FOXGLOVE_LOG)
     values, records = deque(), deque()

@@ -40,6 +40,8 @@ pub struct Mcap<W: Write + Send> {
     line: Vec<u8>,
     /// Devices of nodes, as far as they are known.
     devices: BTreeMap<String, String>,
+    /// Their profiles, each with the edition of the document that it is made of.
+    profiles: BTreeMap<String, String>,
     error: Option<io::Error>,
 }
 
@@ -60,6 +62,7 @@ impl<W: Write + Send> Mcap<W> {
             records: BTreeMap::new(),
             line: Vec::with_capacity(1024),
             devices: BTreeMap::new(),
+            profiles: BTreeMap::new(),
             error: None,
         }
     }
@@ -157,9 +160,10 @@ impl<W: Write + Send> Mcap<W> {
     }
 
     fn device(&mut self, event: &Event, bus: &Bus) {
-        let known = event.node.and_then(|id| Some((id, bus.node(id)?.device_id()?)));
-        if let Some((node, device)) = known {
-            self.devices.insert(format!("{}:{}", bus.name(), node.label()), device.to_owned());
+        let Some(node) = event.node.and_then(|id| bus.node(id)) else { return };
+        if let (Some(id), Some(device)) = (event.node, node.device_id()) {
+            self.devices.insert(format!("{}:{}", bus.name(), id.label()), device.to_owned());
+            self.profiles.insert(device.to_owned(), node.device().source.clone());
         }
     }
 
@@ -229,6 +233,8 @@ impl<W: Write + Send> Mcap<W> {
         if self.error.is_none() && !self.devices.is_empty() {
             let devices = std::mem::take(&mut self.devices);
             self.describe("cobscope.devices", devices);
+            let profiles = std::mem::take(&mut self.profiles);
+            self.describe("cobscope.profiles", profiles);
         }
         match self.error.take() {
             Some(error) => Err(error),

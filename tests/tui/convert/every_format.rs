@@ -191,6 +191,11 @@ fn every_capture_comes_back_from_every_format_and_what_it_lost_is_said_once() {
     });
 }
 
+/// Whether this build writes what the end of a name says.
+fn can_write(out: &str) -> bool {
+    WRITABLE.iter().any(|format| out.ends_with(&format!(".{}", format.suffix)))
+}
+
 #[test]
 fn losses_are_counted_by_hand() {
     let folder = Folder::new();
@@ -207,7 +212,9 @@ fn losses_are_counted_by_hand() {
         output.stderr
     };
     assert_eq!(said("@a.pcapng"), "");
-    assert_eq!(said("@a.mcap"), "");
+    if can_write("@a.mcap") {
+        assert_eq!(said("@a.mcap"), "");
+    }
     assert_eq!(said("@a.csv"), "");
     assert_eq!(said("@b.log"), "");
     let asc = said("@a.asc");
@@ -228,7 +235,8 @@ fn times_below_zero_are_told_where_they_have_no_place() {
          -5.000000000,can0,705,0,0,0,0,0,0,,1,1,05,\n",
     );
     let lost = "has no place for all of it: 1 times below zero written as zero";
-    for (out, title) in [("@a.log", "candump text"), ("@a.pcapng", "pcapng"), ("@a.mcap", "MCAP")] {
+    let outs = [("@a.log", "candump text"), ("@a.pcapng", "pcapng"), ("@a.mcap", "MCAP")];
+    for (out, title) in outs.into_iter().filter(|(out, _)| can_write(out)) {
         assert_eq!(folder.convert(&["@a.csv", out]).stderr, format!("cobscope: {title} {lost}\n"));
     }
     assert_eq!(folder.convert(&["@a.csv", "@b.csv"]).stderr, "");
@@ -244,7 +252,8 @@ fn links_lost_frames_and_quiet_times_go_where_there_is_a_place() {
         content.notices.iter().filter(|notice| matches!(notice, Notice::LostFrames { .. })).count()
     };
     assert_eq!(lost(&before), 1);
-    for (out, kept) in [("@a.pcapng", true), ("@a.mcap", true), ("@a.csv", false), ("@a.log", false)] {
+    let outs = [("@a.pcapng", true), ("@a.mcap", true), ("@a.csv", false), ("@a.log", false)];
+    for (out, kept) in outs.into_iter().filter(|(out, _)| can_write(out)) {
         let output = folder.convert(&[source, out]);
         assert_eq!(output.code, 0);
         assert_eq!(lost(&Content::read(&folder.path(&out[1..]))), usize::from(kept), "{out}");
@@ -253,6 +262,7 @@ fn links_lost_frames_and_quiet_times_go_where_there_is_a_place() {
     }
 }
 
+#[cfg(feature = "mcap")]
 #[test]
 fn packing_changes_the_size_only() {
     let folder = Folder::new();
@@ -296,9 +306,9 @@ fn packed_captures_and_standard_input_and_output() {
     let output = crate::cli::run(&["convert", "-f", "candump", "-", "-"], &text);
     assert_eq!((output.code, output.stdout), (0, text));
     let binary = Command::new(env!("CARGO_BIN_EXE_cobscope"))
-        .args(["convert".as_ref(), "-f".as_ref(), "mcap".as_ref(), plain.as_os_str(), "-".as_ref()])
+        .args(["convert".as_ref(), "-f".as_ref(), "pcapng".as_ref(), plain.as_os_str(), "-".as_ref()])
         .output()
         .unwrap();
-    let out = folder.write("out.mcap", binary.stdout);
+    let out = folder.write("out.pcapng", binary.stdout);
     assert_eq!(Content::read(&out).frames, whole.frames);
 }
