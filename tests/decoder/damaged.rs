@@ -137,7 +137,8 @@ fn is_within(frames: &[Frame], whole: &[Frame]) -> bool {
 #[test]
 fn there_is_a_capture_of_every_format() {
     let captures = captures();
-    for format in FORMATS {
+    // That of MCAP is written here.
+    for format in FORMATS.iter().filter(|format| format.name != "mcap" || cfg!(feature = "mcap")) {
         assert!(captures.iter().any(|(name, _)| *name == format.name), "{}", format.name);
     }
     for (name, bytes) in captures {

@@ -1,9 +1,11 @@
 //! BLF: captures of other projects, and those python-can writes, against python-can and tshark.
 
+#[cfg(feature = "gzip")]
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+#[cfg(feature = "gzip")]
 use cobscope_decoder::capture::{ReadOptions, Reader};
 use cobscope_decoder::frame::{Frame, FrameFlags};
 

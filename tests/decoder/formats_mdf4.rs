@@ -170,7 +170,8 @@ fn an_mdf4_capture_cut_off_anywhere_gives_what_is_whole() {
 
 #[test]
 fn an_mdf4_capture_with_a_wrong_bit_keeps_what_is_before() {
-    for name in ["unsorted.mf4", "sorted.mf4"] {
+    // The data of the sorted one are packed.
+    for name in ["unsorted.mf4", "sorted.mf4"].into_iter().take(if cfg!(feature = "gzip") { 2 } else { 1 }) {
         let bytes = fixture(name);
         let whole = read(&bytes[..]).unwrap();
         let (mut silent, mut changed) = (0, 0);

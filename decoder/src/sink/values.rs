@@ -141,6 +141,7 @@ pub(super) fn field_name(field: &Field) -> String {
 }
 
 /// Names of all fields of a layout as identifiers, each once: letters, digits and `_`.
+#[cfg(feature = "mcap")]
 pub(super) fn keys(layout: &Layout) -> Vec<String> {
     let mut keys: Vec<String> = Vec::new();
     for field in &layout.fields {
@@ -156,6 +157,7 @@ pub(super) fn keys(layout: &Layout) -> Vec<String> {
     keys
 }
 
+#[cfg(feature = "mcap")]
 fn identifier(name: &str) -> String {
     let mut key = String::new();
     for letter in name.chars() {
@@ -173,7 +175,7 @@ fn identifier(name: &str) -> String {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "mcap"))]
 mod tests {
     use super::*;
     use crate::profile::DataType;

@@ -153,6 +153,7 @@ fn tshark_shows_what_each_frame_means_on_which_interface_and_when() {
 }
 
 /// A frame in the columns of `mcap_capture.py`.
+#[cfg(feature = "mcap")]
 fn columns(content: &Content) -> Vec<String> {
     use cobscope_decoder::frame::{CanId, FrameFlags};
     let line = |frame: &cobscope_decoder::frame::Frame| {
@@ -206,6 +207,7 @@ const DEVICES: &[(&str, &[&str])] = &[
     ("dialects/dropped_ta_d.txt", &[]),
 ];
 
+#[cfg(feature = "mcap")]
 fn decoded(format: &str, source: &Path, options: &[&str], out: &Path) {
     let words = ["decode", "-f", format, "-o", out.to_str().unwrap(), source.to_str().unwrap()];
     let output = run(&[&words[..], options].concat(), "");

@@ -45,6 +45,7 @@ const LIBRARY: &str = "cobscope";
 mod key {
     /// Says that the channel is one of this program, and what for: [`FRAMES`] or [`NOTICES`].
     pub(super) const COBSCOPE: &str = "cobscope";
+    #[cfg(feature = "mcap")]
     pub(super) const FRAMES: &str = "frames";
     pub(super) const NOTICES: &str = "notices";
     /// Name of the bus.

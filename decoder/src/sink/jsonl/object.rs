@@ -19,6 +19,7 @@ pub(in crate::sink) struct Marks {
 }
 
 /// Appends a value.
+#[cfg(feature = "mcap")]
 pub(in crate::sink) fn push(value: FieldValue<'_>, line: &mut Vec<u8>) {
     Object::resume(line).value(value);
 }
