@@ -224,7 +224,7 @@ fn to_mcap(from: &Path, to: &Path) -> io::Result<PathBuf> {
 }
 
 /// Every device of the hydraulic machine with its profile. Reading profiles is start-up, measured by
-/// `whole_program.py`.
+/// `benches/run`.
 fn profiles() -> Result<SessionOptions, Box<dyn std::error::Error>> {
     static CATALOGUE: OnceLock<Catalogue> = OnceLock::new();
     let catalogue = CATALOGUE.get_or_init(Catalogue::default);

@@ -4,7 +4,7 @@
 //! cargo bench -p cobscope --bench screen -- target/bench/10M.log
 //! ```
 //!
-//! The capture is made by `decoder/benches/whole_program.py`. Everything is the application itself, with keys, on
+//! The capture is made by `benches/run`. Everything is the application itself, with keys, on
 //! a screen of 200 × 60 that only the drawing to a real terminal is missing of.
 #![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a bench that cannot go on has failed")]
 

@@ -3,7 +3,10 @@
 use std::path::Path;
 use std::process::Command;
 
-use super::{Content, Folder, fixture};
+#[cfg(feature = "mcap")]
+use super::Content;
+use super::{Folder, fixture};
+#[cfg(feature = "mcap")]
 use crate::cli::run;
 use crate::support::{self, workspace};
 

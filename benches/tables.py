@@ -1,0 +1,98 @@
+"""What was measured, as the tables of docs/performance.md."""
+
+import datetime
+import os
+import re
+import statistics
+import subprocess
+
+# What is aimed at, in millions of frames a second of time that passes, by the program that shows it.
+RATES = [
+    ("candump to events", "candump, 10,000,000 frames, -f none", 50),
+    ("candump, judged by all general rules", "candump, check: all general rules", 25),
+    ("devices with the signals of four profiles", "devices with four profiles, -f none", 15),
+    ("candump to JSON Lines", "candump, -f jsonl", 30),
+    ("devices with the signals of four profiles to JSON Lines", "devices with four profiles, -f jsonl", 10),
+    ("pcap to events", "pcap, -f none", 80),
+    ("frames to MCAP, not packed", "convert to mcap, not packed", 8),
+    ("frames to MCAP, lz4", "convert to mcap, lz4", 3),
+    ("frames to MCAP, zstd", "convert to mcap, zstd", 3),
+]
+
+
+def figures(row):
+    """Wall and CPU nanoseconds a frame."""
+    return tuple(statistics.median(one[place] for one in row.times) / row.frames * 1e9 for place in (0, 1))
+
+
+def programs(rows, missing):
+    floor = figures(next(row for row in rows if row.name == "wc -l"))[1]
+    lines = [
+        "| program | ns a frame, passed | ns a frame, CPU | M frames/s | CPU, in `wc -l` | peak memory, MiB |",
+        "| --- | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    for row in rows:
+        wall, cpu = figures(row)
+        if row.frames == 1_000:
+            lines.append(f"| {row.name}: start-up | {wall / 1e3:.1f} ms in all | {cpu / 1e3:.1f} ms | | | {row.memory:.1f} |")
+            continue
+        lines.append(
+            f"| {row.name} | {wall:.1f} | {cpu:.1f} | {1e3 / wall:.2f} | {cpu / floor:.1f} | {row.memory:.1f} |")
+    lines += [f"| {name} | not installed | | | | |" for name in missing]
+    return "\n".join(lines)
+
+
+def targets(rows):
+    by_name = {row.name: row for row in rows}
+    lines = ["| what | measured | target | |", "| --- | ---: | ---: | --- |"]
+
+    def add(what, value, target, unit, is_met):
+        lines.append(f"| {what} | {value:.1f}{unit} | {target}{unit} | {'met' if is_met else 'not met'} |")
+
+    for what, name, target in RATES:
+        if name in by_name:
+            rate = 1e3 / figures(by_name[name])[0]
+            add(what, rate, target, " M/s", rate >= target)
+    if {"gzip -dc", "gzip, -f none"} <= set(by_name):
+        share = 100 * figures(by_name["gzip -dc"])[0] / figures(by_name["gzip, -f none"])[0]
+        add("gzip, against `gzip -dc` alone", share, 90, " %", share >= 90)
+    streaming = [row for row in rows if row.name.startswith("candump")]
+    if streaming:
+        most = max(row.memory for row in streaming)
+        add("memory, any length", most, 16, " MiB", most <= 16)
+    if "1,000 frames, one profile, -f text" in by_name:
+        start = figures(by_name["1,000 frames, one profile, -f text"])[0] / 1e3
+        add("start-up with one profile", start, 3, " ms", start <= 3)
+    if "the same on one core" in by_name:
+        one, two = (figures(by_name[name])[0] for name in ("the same on one core", "candump, 10,000,000 frames, -f none"))
+        add("two cores against one", one / two, 1.35, "", one / two >= 1.35)
+    return "\n".join(lines)
+
+
+def stages(rows):
+    lines = ["| stage, one thread | ns a frame | M frames/s | newline counts |", "| --- | ---: | ---: | ---: |"]
+    lines += [f"| {name} | {ns:.1f} | {1e3 / ns:.1f} | {floors:.1f} |" for name, ns, floors in rows]
+    return "\n".join(lines)
+
+
+def machine(rounds):
+    with open("/proc/cpuinfo") as info:
+        model = re.search(r"model name\s*: (.*)", info.read())
+    rust = subprocess.run(["rustc", "--version"], stdout=subprocess.PIPE, text=True).stdout.split()[1]
+    return (
+        f"Measured on {datetime.date.today()}, {rounds} rounds, medians; {os.cpu_count()} cores of "
+        f"{model.group(1) if model else 'an unknown processor'}, Linux, Rust {rust}, load {os.getloadavg()[2]:.1f} in the last "
+        "quarter of an hour, this measuring among it.")
+
+
+def write(path, sections):
+    """Puts each section between its marks."""
+    with open(path, encoding="utf-8") as file:
+        text = file.read()
+    for name, section in sections.items():
+        marked = re.compile(rf"(<!-- {name} -->\n).*?(<!-- end -->)", re.DOTALL)
+        if not marked.search(text):
+            raise SystemExit(f"{path}: no place for {name}: expected <!-- {name} --> and <!-- end -->")
+        text = marked.sub(lambda match, section=section: f"{match[1]}{section}\n{match[2]}", text)
+    with open(path, "w", encoding="utf-8") as file:
+        file.write(text)
