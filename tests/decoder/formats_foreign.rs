@@ -69,12 +69,12 @@ fn no_format_of_the_corpus_is_left_out() {
     }
     let tests = fs::read_dir(workspace().join("tests/decoder")).unwrap().map(|entry| entry.unwrap().path());
     let tests = tests.filter(|path| path.file_stem().unwrap().to_string_lossy().starts_with("formats_"));
-    let texts: Vec<String> = tests.map(|path| fs::read_to_string(path).unwrap()).collect();
+    let sources: Vec<String> = tests.map(|path| fs::read_to_string(path).unwrap()).collect();
     for file in fs::read_dir(corpus().join("formats")).unwrap() {
         let name = file.unwrap().file_name().into_string().unwrap();
         // Five formats of one recording are named by their suffixes.
         let is_of_five = name.starts_with("mdf4-converters__multiple_CAN.");
-        assert!(is_of_five || texts.iter().any(|text| text.contains(&name)), "{name}");
+        assert!(is_of_five || sources.iter().any(|text| text.contains(&name)), "{name}");
     }
 }
 

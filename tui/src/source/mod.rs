@@ -7,14 +7,14 @@ mod progress;
 mod store;
 
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::{BufRead as _, BufReader, Read};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::available_parallelism;
 
 use anyhow::Context as _;
-use cobscope_decoder::capture::{ReadOptions, Reader, decompress};
+use cobscope_decoder::capture::{ReadOptions, Reader, decompress, is_compressed};
 
 pub use ahead::{Ahead, Frames};
 pub use arrange::{Arranged, arrange};
@@ -35,6 +35,7 @@ pub struct Capture {
     pub progress: Progress,
     /// Bytes of the file; of none where it is no file.
     size: u64,
+    is_compressed: bool,
 }
 
 impl Capture {
@@ -42,7 +43,9 @@ impl Capture {
     /// pipe is not: each line of it is to be seen when it comes.
     pub fn frames(self, may_read_ahead: bool) -> (Frames, Progress) {
         let cores = available_parallelism().map_or(1, usize::from);
-        let frames = if may_read_ahead && cores > 1 && self.size >= WORTH_A_THREAD {
+        // Binary formats are read in less time than their frames take from one core to the other.
+        let takes_long = self.size >= WORTH_A_THREAD && (self.is_compressed || self.reader.format().is_text);
+        let frames = if may_read_ahead && cores > 1 && takes_long {
             Frames::Ahead(Ahead::new(self.reader))
         } else {
             Frames::Here(self.reader)
@@ -63,9 +66,11 @@ pub fn open(path: &Path, options: &ReadOptions) -> anyhow::Result<Capture> {
     };
     let source = Counted { source, taken: Arc::clone(&taken) };
     let name = path.display();
-    let source = decompress(BufReader::with_capacity(HEAD, source)).with_context(|| name.to_string())?;
+    let mut source = BufReader::with_capacity(HEAD, source);
+    let is_compressed = is_compressed(source.fill_buf().with_context(|| name.to_string())?);
+    let source = decompress(source).with_context(|| name.to_string())?;
     let reader = Reader::open(source, options).with_context(|| name.to_string())?;
-    Ok(Capture { reader, progress: Progress::new(size, taken), size: size.unwrap_or(0) })
+    Ok(Capture { reader, progress: Progress::new(size, taken), size: size.unwrap_or(0), is_compressed })
 }
 
 /// Counts the bytes that were read of the file itself.
