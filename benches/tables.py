@@ -14,10 +14,13 @@ RATES = [
     ("candump to JSON Lines", "candump, -f jsonl", 30),
     ("devices with the signals of four profiles to JSON Lines", "devices with four profiles, -f jsonl", 10),
     ("pcap to events", "pcap, -f none", 80),
-    ("frames to MCAP, not packed", "convert to mcap, not packed", 8),
-    ("frames to MCAP, lz4", "convert to mcap, lz4", 3),
-    ("frames to MCAP, zstd", "convert to mcap, zstd", 3),
 ]
+
+# The same of stages: frames to MCAP, beside what the crate that writes it gives alone.
+PACKINGS = [("not packed", 8), ("lz4", 3), ("zstd", 3)]
+
+# Formats of frames without packing.
+PLAIN = ["candump", "pcapng", "asc", "trc", "csv"]
 
 
 def figures(row):
@@ -42,7 +45,7 @@ def programs(rows, missing):
     return "\n".join(lines)
 
 
-def targets(rows):
+def targets(rows, measured_stages):
     by_name = {row.name: row for row in rows}
     lines = ["| what | measured | target | |", "| --- | ---: | ---: | --- |"]
 
@@ -53,6 +56,15 @@ def targets(rows):
         if name in by_name:
             rate = 1e3 / figures(by_name[name])[0]
             add(what, rate, target, " M/s", rate >= target)
+    rates = {name: 1e3 / ns for name, ns, _ in measured_stages}
+    for packing, target in PACKINGS if rates else []:
+        rate, alone = rates[f"write MCAP, {packing}"], rates[f"mcap crate alone, {packing}"]
+        add(f"stage: frames to MCAP, {packing} (the `mcap` crate alone: {alone:.1f})", rate, target, " M/s", rate >= target)
+    converted = [by_name[name] for name in (f"convert to {plain}" for plain in PLAIN) if name in by_name]
+    if converted and "candump, -f none" in by_name:
+        slowest = max(figures(row)[0] for row in converted)
+        share = 100 * figures(by_name["candump, -f none"])[0] / slowest
+        add("converting to the slowest of candump, pcapng, ASC, TRC, CSV, against decoding", share, 50, " %", share >= 50)
     if {"gzip -dc", "gzip, -f none"} <= set(by_name):
         share = 100 * figures(by_name["gzip -dc"])[0] / figures(by_name["gzip, -f none"])[0]
         add("gzip, against `gzip -dc` alone", share, 90, " %", share >= 90)

@@ -18,9 +18,8 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
             return Exit::Usage;
         }
     };
-    let today = jiff::Zoned::now().date().to_string();
     let ready = session_options(&arguments.input)
-        .and_then(|options| Ok((setup(&arguments.input, &options.catalogue, Some(today))?, options)));
+        .and_then(|options| Ok((setup(&arguments.input, &options.catalogue, None)?, options)));
     let (options, setup) = match ready {
         Ok((setup, options)) => (options, Arc::new(setup)),
         Err(error) => {

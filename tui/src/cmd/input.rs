@@ -80,19 +80,22 @@ fn bus_file_text(path: &Path) -> anyhow::Result<(String, String)> {
     Ok((name, text))
 }
 
-/// What is judged, as the bus file says; `today` ends suppressions that ran out.
+/// What is judged, as the bus file says; `today`, by default the day it is, ends suppressions that ran out.
 ///
 /// # Errors
 /// A bus file that cannot be read, or that names rules and tolerances that do not exist.
 pub(super) fn setup(
     input: &InputArgs,
     catalogue: &Catalogue,
-    today: Option<String>,
+    today: Option<jiff::civil::Date>,
 ) -> anyhow::Result<Setup> {
     let Some(path) = &input.bus else { return Ok(Setup::default()) };
     let (name, text) = bus_file_text(path)?;
     let file = BusFile::parse(&text).map_err(|error| anyhow::anyhow!(error.show(&name)))?;
     let shown = |error: TextError| anyhow::anyhow!(error.show(&name));
+    // Which day it is takes a millisecond to find out: the zones of the system are looked through.
+    let is_dated = file.judgement.suppressions.iter().any(|suppression| suppression.until.is_some());
+    let today = is_dated.then(|| today.unwrap_or_else(|| jiff::Zoned::now().date()).to_string());
     let setup = Setup::new(&file, &text, today).map_err(shown)?;
     setup.check_devices(&file, &text, catalogue).map_err(shown)?;
     Ok(setup)

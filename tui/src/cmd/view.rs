@@ -38,9 +38,8 @@ pub fn run(arguments: &ViewArgs) -> Exit {
 }
 
 fn captures_of(arguments: &ViewArgs) -> anyhow::Result<Captures> {
-    let today = jiff::Zoned::now().date().to_string();
     let session = session_options(&arguments.input)?;
-    let rules = Arc::new(setup(&arguments.input, &session.catalogue, Some(today))?);
+    let rules = Arc::new(setup(&arguments.input, &session.catalogue, None)?);
     let paths = captures(&arguments.input);
     Ok(Captures {
         paths,

@@ -97,8 +97,7 @@ fn ready(arguments: &CheckArgs) -> anyhow::Result<(SessionOptions, Arc<Setup>)> 
     let folders = &arguments.input.profiles;
     let catalogue = if arguments.user_profiles { catalogue(folders) } else { common_catalogue(folders) };
     let options = options_of(&arguments.input, catalogue)?;
-    let today = arguments.today.unwrap_or_else(|| jiff::Zoned::now().date());
-    let setup = setup(&arguments.input, &options.catalogue, Some(today.to_string()))?;
+    let setup = setup(&arguments.input, &options.catalogue, arguments.today)?;
     Ok((options, Arc::new(setup)))
 }
 

@@ -43,9 +43,8 @@ pub(super) fn watch(
     arguments: &LiveArgs,
     sources: impl FnOnce() -> anyhow::Result<Vec<Box<dyn Source>>>,
 ) -> Result<Exit, Refusal> {
-    let today = jiff::Zoned::now().date().to_string();
     let ready = session_options(&arguments.input).and_then(|options| {
-        let setup = setup(&arguments.input, &options.catalogue, Some(today))?;
+        let setup = setup(&arguments.input, &options.catalogue, None)?;
         Ok((options, Arc::new(setup)))
     });
     let (options, setup) = ready.map_err(|error| (Exit::Profile, error))?;

@@ -29,9 +29,8 @@ const FORMAT: &str = "pcapng";
 
 /// Watches until the user leaves.
 pub(super) fn run(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> Result<Exit, Refusal> {
-    let today = jiff::Zoned::now().date().to_string();
     let ready = session_options(&arguments.input).and_then(|session| {
-        let rules = Arc::new(setup(&arguments.input, &session.catalogue, Some(today))?);
+        let rules = Arc::new(setup(&arguments.input, &session.catalogue, None)?);
         Ok((session, rules))
     });
     let (session, rules) = ready.map_err(|error| (Exit::Profile, error))?;
