@@ -145,4 +145,11 @@ fn time_columns_as_candump_has_them() {
 fn completions_and_the_manual_page_are_made() {
     assert!(run(&["completions", "bash"], "").stdout.contains("cobscope"));
     assert!(run(&["man"], "").stdout.contains(".TH"));
+    let decode = run(&["man", "decode"], "").stdout;
+    assert!(decode.contains(".TH cobscope-decode 1"), "{decode}");
+    let unknown = run(&["man", "x"], "");
+    assert_eq!(
+        (unknown.code, unknown.stderr.as_str()),
+        (2, "cobscope: there is no command 'x'; cobscope --help lists them\n")
+    );
 }

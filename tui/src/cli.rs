@@ -107,8 +107,12 @@ pub enum Command {
         /// Which shell
         shell: clap_complete::Shell,
     },
-    /// Write the manual page to stdout (`cobscope man | man -l -`)
-    Man,
+    /// Write a manual page to stdout (`cobscope man | man -l -`)
+    Man {
+        /// Of this command; without, of the program as a whole
+        #[arg(value_name = "COMMAND")]
+        of: Option<String>,
+    },
 }
 
 /// `cobscope profiles`.

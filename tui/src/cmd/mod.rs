@@ -56,7 +56,7 @@ pub fn run(cli: Cli) -> Exit {
         Command::Explain { thing, device, profiles } => explain::run(&thing, device.as_deref(), &profiles),
         Command::Profiles { command, profiles } => profiles::run(&command, &input::catalogue(&profiles)),
         Command::Completions { shell } => shell::completions(shell),
-        Command::Man => shell::man(),
+        Command::Man { of } => shell::man(of.as_deref()),
     }
 }
 
