@@ -93,7 +93,7 @@ pub(super) fn setup(
     let (name, text) = bus_file_text(path)?;
     let file = BusFile::parse(&text).map_err(|error| anyhow::anyhow!(error.show(&name)))?;
     let shown = |error: TextError| anyhow::anyhow!(error.show(&name));
-    // Which day it is takes a millisecond to find out: the zones of the system are looked through.
+    // Which day it is takes most of a millisecond to find out: the zones of the system are looked through.
     let is_dated = file.judgement.suppressions.iter().any(|suppression| suppression.until.is_some());
     let today = is_dated.then(|| today.unwrap_or_else(|| jiff::Zoned::now().date()).to_string());
     let setup = Setup::new(&file, &text, today).map_err(shown)?;
