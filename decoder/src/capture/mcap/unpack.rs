@@ -36,7 +36,7 @@ fn failed(reason: String) -> Unpacked<'static> {
 fn zstd(packed: &[u8], size: u64) -> Unpacked<'_> {
     match zstd::stream::read::Decoder::with_buffer(packed) {
         Ok(decoder) => read(decoder, size),
-        Err(error) => failed(error.to_string()),
+        Err(error) => failed(not_unpacked(&error)),
     }
 }
 
@@ -49,7 +49,7 @@ fn zstd(_packed: &[u8], _size: u64) -> Unpacked<'_> {
 fn lz4(packed: &[u8], size: u64) -> Unpacked<'_> {
     match lz4::Decoder::new(packed) {
         Ok(decoder) => read(decoder, size),
-        Err(error) => failed(error.to_string()),
+        Err(error) => failed(not_unpacked(&error)),
     }
 }
 
@@ -58,13 +58,19 @@ fn lz4(_packed: &[u8], _size: u64) -> Unpacked<'_> {
     failed("chunk packed by lz4, but this build leaves out the feature `mcap`".into())
 }
 
+/// Libraries speak of frames of their own, not of those of CAN.
+#[cfg_attr(not(feature = "zstd"), expect(dead_code, reason = "nothing is unpacked"))]
+fn not_unpacked(error: &std::io::Error) -> String {
+    format!("cannot be unpacked ({error})")
+}
+
 /// Reads what there is, a piece at a time: no size is believed before its bytes are there.
 #[cfg_attr(not(feature = "zstd"), expect(dead_code, reason = "nothing is unpacked"))]
 fn read(mut source: impl Read, size: u64) -> Unpacked<'static> {
     let most = usize::try_from(size).unwrap_or(usize::MAX).min(LARGEST);
     let mut records = Vec::new();
     let failure = match source.by_ref().take(most as u64).read_to_end(&mut records) {
-        Err(error) => Some(error.to_string()),
+        Err(error) => Some(not_unpacked(&error)),
         Ok(_) if (records.len() as u64) < size => {
             Some(format!("unpacks to {} bytes, expected {size}", records.len()))
         }
