@@ -140,19 +140,21 @@ pub(super) fn field_name(field: &Field) -> String {
     }
 }
 
+/// The first spelling that is not among those taken: without a number, then with 2, 3 and so on.
+pub(super) fn not_taken(taken: &[String], spell: impl Fn(Option<u32>) -> String) -> String {
+    let numbers = std::iter::once(None).chain((2..).map(Some));
+    numbers.map(spell).find(|spelt| !taken.contains(spelt)).unwrap_or_default()
+}
+
 /// Names of all fields of a layout as identifiers, each once: letters, digits and `_`.
 #[cfg(feature = "mcap")]
 pub(super) fn keys(layout: &Layout) -> Vec<String> {
     let mut keys: Vec<String> = Vec::new();
     for field in &layout.fields {
         let plain = identifier(&field_name(field));
-        let mut key = plain.clone();
-        let mut number = 2;
-        while keys.contains(&key) {
-            key = format!("{plain}_{number}");
-            number += 1;
-        }
-        keys.push(key);
+        keys.push(not_taken(&keys, |number| {
+            number.map_or(plain.clone(), |number| format!("{plain}_{number}"))
+        }));
     }
     keys
 }

@@ -183,13 +183,10 @@ fn titles(group: &str, carried: &Carried<'_>) -> Vec<String> {
         let unit = values::unit(field);
         let unit = if unit.is_empty() { String::new() } else { format!(" [{unit}]") };
         let name = values::field_name(field);
-        let mut title = format!("{group} {name}{unit}");
-        let mut number = 2;
-        while titles.contains(&title) {
-            title = format!("{group} {name} {number}{unit}");
-            number += 1;
-        }
-        titles.push(title);
+        titles.push(values::not_taken(&titles, |number| {
+            let number = number.map_or(String::new(), |number| format!(" {number}"));
+            format!("{group} {name}{number}{unit}")
+        }));
     }
     titles
 }
