@@ -14,8 +14,9 @@ use crate::support::workspace;
 /// Places looked at of each capture: the tests are slow.
 const PLACES: usize = 150;
 
+/// What a writer has written so far.
 #[derive(Clone, Default)]
-struct Shared(Arc<Mutex<Vec<u8>>>);
+pub(crate) struct Shared(pub(crate) Arc<Mutex<Vec<u8>>>);
 
 impl Write for Shared {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {

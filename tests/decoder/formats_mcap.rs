@@ -2,12 +2,11 @@
 #![cfg(feature = "mcap")]
 
 use std::fs;
-use std::io::{self, Write};
-use std::sync::{Arc, Mutex};
 
 use cobscope_decoder::capture::{Notice, Packing, Place, WRITABLE, WriteOptions};
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags, Timestamp};
 
+use crate::damaged::Shared;
 use crate::formats_text::{Content, read};
 use crate::harness::reader::holds_its_contract;
 use crate::support::workspace;
@@ -15,19 +14,6 @@ use crate::support::workspace;
 const START: i64 = 1_700_000_000_000_000_000;
 const PACKINGS: [Packing; 3] = [Packing::None, Packing::Lz4, Packing::Zstd];
 const UNFINISHED: &str = "the recording was not finished: read to where it ends";
-
-#[derive(Clone, Default)]
-struct Shared(Arc<Mutex<Vec<u8>>>);
-
-impl Write for Shared {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.lock().unwrap().write(bytes)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-}
 
 /// Recordings of 24 frames in three chunks, FD frames among them.
 struct Made {
