@@ -105,11 +105,10 @@ impl Ahead {
                     self.next += 1;
                     return Ok(true);
                 }
-                if let Some(end) = block.end.replace(Ok(())) {
+                if let Some(end) = &mut block.end {
                     batch.clear();
-                    return end.map(|()| false);
+                    return std::mem::replace(end, Ok(())).map(|()| false);
                 }
-                block.end = None;
             }
             self.next_block();
         }
