@@ -59,7 +59,6 @@ fn lz4(_packed: &[u8], _size: u64) -> Unpacked<'_> {
 }
 
 /// Libraries speak of frames of their own, not of those of CAN.
-#[cfg_attr(not(feature = "zstd"), expect(dead_code, reason = "nothing is unpacked"))]
 fn not_unpacked(error: &std::io::Error) -> String {
     format!("cannot be unpacked ({error})")
 }
