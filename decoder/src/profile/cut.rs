@@ -35,6 +35,12 @@ impl Cut {
         })
     }
 
+    /// Its bits, from the first eight bytes of a payload that has them.
+    #[inline]
+    pub fn raw(self, word: u64) -> u64 {
+        (word << self.above) >> self.others
+    }
+
     /// The number, from the first eight bytes as one number, least significant byte first, of a payload of some length.
     #[inline]
     pub fn number(self, word: u64, length: usize) -> Option<i64> {
@@ -67,6 +73,7 @@ mod tests {
             for length in 0..=8 {
                 let raw = field.extract(&payload[..length]);
                 let number = raw.and_then(|raw| integer(&field.value(raw)));
+                assert!(raw.is_none_or(|raw| cut.raw(u64::from_le_bytes(payload)) == raw));
                 assert_eq!(
                     cut.number(u64::from_le_bytes(payload), length),
                     number,

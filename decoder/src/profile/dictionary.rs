@@ -1,6 +1,6 @@
 //! Objects by address, from a device's own file and the standards it extends.
 
-use std::ops::Range;
+use std::ops::{Deref, Range};
 use std::sync::Arc;
 
 use super::data_type::DataType;
@@ -74,7 +74,42 @@ const MOST_REPEATS: u16 = 1024;
 /// Objects of one or more documents: the first that has an address counts.
 #[derive(Debug, Clone, Default)]
 pub struct Dictionary {
-    pub(super) layers: Vec<Arc<Vec<Object>>>,
+    pub(super) layers: Vec<Arc<Layer>>,
+}
+
+/// Objects of one document, in its order.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Layer {
+    objects: Vec<Object>,
+    /// First and last index of each: looked through for each transfer, so they lie side by side.
+    spans: Vec<(u16, u16)>,
+}
+
+impl Layer {
+    pub(super) fn new(objects: Vec<Object>) -> Self {
+        let spans = objects.iter().map(|object| (object.index, object.last_index())).collect();
+        Self { objects, spans }
+    }
+
+    /// Objects with this index, and which repeat of each it is.
+    fn at(&self, index: u16) -> impl Iterator<Item = (&Object, u16)> {
+        let near = self.spans.iter().zip(&self.objects);
+        let near = near.filter(move |((first, last), _)| (*first..=*last).contains(&index));
+        near.filter_map(move |(_, object)| Some((object, object.nth(index)?)))
+    }
+
+    /// Whether it describes an entry.
+    pub(super) fn has(&self, address: ObjectAddress) -> bool {
+        self.at(address.index).any(|(object, _)| object.entry(address.sub).is_some())
+    }
+}
+
+impl Deref for Layer {
+    type Target = [Object];
+
+    fn deref(&self) -> &[Object] {
+        &self.objects
+    }
 }
 
 /// What is known of an address: the object, the entry if the object has that sub-index, and which repeat.
@@ -94,8 +129,7 @@ impl Dictionary {
     /// What is known of an address.
     pub fn find(&self, address: ObjectAddress) -> Option<Found<'_>> {
         let mut index_only = None;
-        for object in self.layers.iter().flat_map(|layer| layer.iter()) {
-            let Some(nth) = object.nth(address.index) else { continue };
+        for (object, nth) in self.layers.iter().flat_map(|layer| layer.at(address.index)) {
             if let Some(entry) = object.entry(address.sub) {
                 return Some(Found { address, object, entry: Some(entry), nth });
             }
@@ -108,7 +142,7 @@ impl Dictionary {
 
     /// Place of the layer that describes an entry.
     pub(super) fn layer_of(&self, address: ObjectAddress) -> Option<usize> {
-        self.layers.iter().position(|layer| layer.iter().any(|object| object.has(address)))
+        self.layers.iter().position(|layer| layer.has(address))
     }
 
     /// Addresses with sub-index 0 or 1 that `picks` and that have a default, ascending.
@@ -134,14 +168,12 @@ impl Dictionary {
 
     /// Whether the device's own file describes an address, not only a standard it extends.
     pub fn is_own(&self, address: ObjectAddress) -> bool {
-        let here =
-            |object: &Object| object.nth(address.index).is_some() && object.entry(address.sub).is_some();
-        self.own().iter().any(here)
+        self.layers.first().is_some_and(|own| own.has(address))
     }
 
     /// Objects of the device's own file.
     pub fn own(&self) -> &[Object] {
-        self.layers.first().map_or(&[], |layer| layer.as_slice())
+        self.layers.first().map_or(&[], |layer| layer)
     }
 }
 
@@ -152,18 +184,15 @@ impl Object {
         if distance == 0 {
             return Some(0);
         }
-        // Most objects are asked about an index they are not: no division for these.
         let Repeat { count, stride, .. } = self.repeat;
-        if u32::from(distance) >= u32::from(count) * u32::from(stride) {
-            return None;
-        }
         let nth = distance.checked_div(stride)?;
         (distance % stride == 0 && nth < count).then_some(nth)
     }
 
-    /// Whether it describes an entry.
-    pub(super) fn has(&self, address: ObjectAddress) -> bool {
-        self.nth(address.index).is_some() && self.entry(address.sub).is_some()
+    /// Index of the last repeat.
+    fn last_index(&self) -> u16 {
+        let Repeat { count, stride, .. } = self.repeat;
+        self.index.saturating_add(count.saturating_sub(1).saturating_mul(stride))
     }
 
     /// The entry of a sub-index.

@@ -278,7 +278,7 @@ impl Field {
         let first = usize::from(self.bit / 8);
         let end = usize::from(self.end()?.div_ceil(8));
         let bytes = payload.get(first..end)?;
-        let mask = if self.bits >= 64 { u64::MAX } else { (1 << self.bits) - 1 };
+        let mask = self.mask();
         if self.order == BitOrder::LittleEndian && bytes.len() <= 8 {
             let word = bytes.iter().rev().fold(0, |word: u64, byte| word << 8 | u64::from(*byte));
             return Some(word >> (self.bit % 8) & mask);
@@ -292,6 +292,11 @@ impl Field {
         #[expect(clippy::cast_possible_truncation, reason = "masked to 64 bits")]
         let low = (wide >> below) as u64;
         Some(low & mask)
+    }
+
+    /// As many low bits as the field has.
+    pub fn mask(&self) -> RawValue {
+        if self.bits >= 64 { u64::MAX } else { (1 << self.bits) - 1 }
     }
 
     /// Bits of a payload up to the end of the field, counted in its order: of one with the most significant

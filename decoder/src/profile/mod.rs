@@ -41,8 +41,8 @@ pub use lookup::{
     transport_aborts, uds,
 };
 
-pub use meaning::{Factor, Meaning, bit_words, integer, word};
-pub use object::{Effect, Role, Storage};
+pub use meaning::{Factor, Indicators, Meaning, bit_words, integer, word};
+pub use object::{BitName, BitNames, Effect, Names, Role, Storage};
 pub use position::TextError;
 pub use reference::Reference;
 pub use resolve::{Known, NothingKnown, Number, Resolver};

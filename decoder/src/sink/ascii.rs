@@ -69,6 +69,28 @@ pub(super) fn push_integer(out: &mut Vec<u8>, value: i64) {
     push_decimal(out, value.unsigned_abs());
 }
 
+/// Appends a number of which so many digits, at most eight, stand behind the point; without zeros at its end.
+#[inline]
+pub(super) fn push_fixed(out: &mut Vec<u8>, value: i64, digits: u8) {
+    let unit = POWERS.get(usize::from(digits)).copied().unwrap_or(PART);
+    if value < 0 {
+        out.push(b'-');
+    }
+    let value = value.unsigned_abs();
+    push_decimal(out, value / unit);
+    let fraction = value % unit;
+    if fraction != 0 {
+        out.push(b'.');
+        // Filled up to eight digits at the end, first digit lowest byte: zeros at the end are the uppermost bytes.
+        let text = decimal_digits(fraction * (PART / unit));
+        let kept = 8 - text.leading_zeros() as usize / 8;
+        push_part(out, (text | each(b'0')).to_le_bytes(), kept);
+    }
+}
+
+/// Powers of ten.
+const POWERS: [u64; 9] = [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_000, PART];
+
 /// Appends a number below 10^9 with nine digits.
 #[inline]
 pub(super) fn push_nine(out: &mut Vec<u8>, value: u64) {
@@ -207,6 +229,11 @@ mod tests {
             let hex: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
             prop_assert_eq!(text(|out| push_hex(out, &bytes)), hex.concat());
             prop_assert_eq!(text(|out| push_spaced_hex(out, &bytes)), hex.join(" "));
+            let digits_behind = u8::try_from(digits).unwrap();
+            let quantity = signed % 1_000_000_000_000_000;
+            #[expect(clippy::cast_precision_loss, reason = "below 10^15")]
+            let real = quantity as f64 / 10_f64.powi(i32::from(digits_behind));
+            prop_assert_eq!(text(|out| push_fixed(out, quantity, digits_behind)), (real + 0.0).to_string());
             let last = value % 10_u64.pow(u32::try_from(digits).unwrap());
             prop_assert_eq!(text(|out| push_digits(out, last, digits)), format!("{last:0digits$}"));
         }

@@ -34,7 +34,7 @@ pub use sample::Sample;
 pub use uds::{UdsIdentifier, UdsNrc, UdsSpec};
 
 use super::authored::{self, Authored, Tables, Wrong};
-use super::dictionary::{Dictionary, Object};
+use super::dictionary::{Dictionary, Layer, Object};
 use super::imported::Import;
 use super::lookup::emcy_codes;
 use super::object::{BitNames, Names, Only};
@@ -180,7 +180,7 @@ pub(super) struct Places {
 #[derive(Debug)]
 pub struct ProfileFile {
     file: File,
-    objects: Arc<Vec<Object>>,
+    objects: Arc<Layer>,
 }
 
 impl ProfileFile {
@@ -205,7 +205,7 @@ impl ProfileFile {
                 .map(|(span, message)| TextError::at(text, span, message))
                 .collect());
         }
-        Ok(Self { file, objects: Arc::new(objects) })
+        Ok(Self { file, objects: Arc::new(Layer::new(objects)) })
     }
 
     /// Its id.
@@ -238,7 +238,7 @@ impl ProfileFile {
     }
 
     /// Its objects, all variants.
-    pub fn objects(&self) -> &Arc<Vec<Object>> {
+    pub fn objects(&self) -> &[Object] {
         &self.objects
     }
 
@@ -290,7 +290,7 @@ impl ProfileFile {
     }
 
     /// The objects of one variant.
-    fn objects_of(&self, variant: &str) -> Arc<Vec<Object>> {
+    fn objects_of(&self, variant: &str) -> Arc<Layer> {
         let all = |only: &Only| only.allows(variant);
         let complete =
             |object: &Object| all(&object.only) && object.entries.iter().all(|entry| all(&entry.only));
@@ -302,7 +302,7 @@ impl ProfileFile {
             object.entries.retain(|entry| all(&entry.only));
             object
         });
-        Arc::new(chosen.collect())
+        Arc::new(Layer::new(chosen.collect()))
     }
 
     fn add_behaviour(&self, device: &mut Device, variant: &str) {

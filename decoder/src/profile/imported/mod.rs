@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 use super::device::{Device, Identity};
 use super::device_file::{DeviceFile, Kind};
-use super::dictionary::{Dictionary, Object};
+use super::dictionary::{Dictionary, Layer};
 use super::plain_device;
 use crate::wire::canopen::ObjectAddress;
 
@@ -46,7 +46,7 @@ pub fn device(file: &Arc<DeviceFile>, name: &str) -> Device {
     device.source = printable(name);
     device.identities = identity(file).into_iter().collect();
     let objects = objects::objects(file, &standard.dictionary, |_| true).list;
-    device.dictionary.layers.insert(0, Arc::new(objects));
+    device.dictionary.layers.insert(0, Arc::new(Layer::new(objects)));
     device.deciding = device.deciding_objects();
     device.file = Some(Import { file: Arc::clone(file), layer: 0 });
     device
@@ -69,15 +69,12 @@ impl Device {
     #[must_use]
     pub fn filled(&self, file: &Arc<DeviceFile>) -> Self {
         let layers = &self.dictionary.layers;
-        let (own, standards) =
-            layers.split_first().map_or((&[][..], &[][..]), |(own, standards)| (&own[..], standards));
-        let standards = Dictionary { layers: standards.to_vec() };
-        let says =
-            |address| own.iter().any(|object: &Object| object.has(address)) || self.says_of_pdo(address);
+        let standards = Dictionary { layers: layers.iter().skip(1).cloned().collect() };
+        let says = |address| self.dictionary.is_own(address) || self.says_of_pdo(address);
         let objects = objects::objects(file, &standards, |address| !says(address)).list;
         let layer = layers.len().min(1);
         let mut device = self.clone();
-        device.dictionary.layers.insert(layer, Arc::new(objects));
+        device.dictionary.layers.insert(layer, Arc::new(Layer::new(objects)));
         device.deciding = device.deciding_objects();
         device.file = Some(Import { file: Arc::clone(file), layer });
         device

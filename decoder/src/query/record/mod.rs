@@ -12,7 +12,7 @@ mod transfer;
 mod uds;
 
 pub use bus::{can_error_text, time_of_day};
-pub(crate) use transfer::signals;
+pub(crate) use transfer::{UNROUNDED, digits, signal, signals};
 pub use transfer::{direction, mode};
 
 use crate::event::{Event, EventKind, Protocol};

@@ -2,7 +2,7 @@
 
 use super::{FieldValue, Fields, number_or_null};
 use crate::event::{Direction, Mode, Pdo, SdoTransfer};
-use crate::profile::{self, Device, Field, Layout, Meaning, SignalId, Value};
+use crate::profile::{self, Device, Field, Layout, Meaning, Signal, SignalId, Value};
 use crate::wire::canopen::ObjectAddress;
 
 pub(super) fn process_data(pdo: &Pdo, fields: &mut dyn Fields) {
@@ -22,20 +22,8 @@ pub(super) fn process_data(pdo: &Pdo, fields: &mut dyn Fields) {
 /// The values of a payload whose layout is known: the last of its fields, behind `data`.
 pub(crate) fn signals(layout: &Layout, payload: &[u8], fields: &mut dyn Fields) {
     fields.open_list("signals");
-    for signal in layout.signals(payload) {
-        fields.open("");
-        signal_id(signal.field.id, fields);
-        fields.field("name", signal.field.name().map_or(FieldValue::Null, FieldValue::Text));
-        fields.field("raw", FieldValue::Unsigned(signal.raw));
-        match signal.field.meaning.as_deref() {
-            Some(meaning) => meant(meaning, &signal.value, fields),
-            None => value_field("value", &signal.value, fields),
-        }
-        fields.field("origin", FieldValue::Text(layout.origin));
-        if layout.assumed || signal.field.meaning.as_deref().is_some_and(|meaning| meaning.assumed) {
-            fields.field("assumed", FieldValue::Bool(true));
-        }
-        fields.close();
+    for Signal { field, raw, value } in layout.signals(payload) {
+        signal(layout, (field, raw, &value), fields);
     }
     fields.close_list();
     if usize::from(layout.bits.div_ceil(8)) > payload.len() {
@@ -45,6 +33,23 @@ pub(crate) fn signals(layout: &Layout, payload: &[u8], fields: &mut dyn Fields) 
         }
         fields.close_list();
     }
+}
+
+/// One of them: its field, the bits of its value, and the value.
+pub(crate) fn signal(layout: &Layout, (field, raw, value): (&Field, u64, &Value), fields: &mut dyn Fields) {
+    fields.open("");
+    signal_id(field.id, fields);
+    fields.field("name", field.name().map_or(FieldValue::Null, FieldValue::Text));
+    fields.field("raw", FieldValue::Unsigned(raw));
+    match field.meaning.as_deref() {
+        Some(meaning) => meant(meaning, value, fields),
+        None => value_field("value", value, fields),
+    }
+    fields.field("origin", FieldValue::Text(layout.origin));
+    if layout.assumed || field.meaning.as_deref().is_some_and(|meaning| meaning.assumed) {
+        fields.field("assumed", FieldValue::Bool(true));
+    }
+    fields.close();
 }
 
 /// The object, or the SPN.
@@ -89,7 +94,7 @@ pub(crate) fn quantity<'a>(
     let Some(meaning) = meaning else { return (plain(value), None) };
     let label = meaning.label(value);
     let told = match meaning.scaled(value) {
-        Some(quantity) => FieldValue::Real(rounded_to(quantity, meaning.digits.max(6))),
+        Some(quantity) => FieldValue::Real(rounded_to(quantity, digits(meaning))),
         None if meaning.scale.is_some() && label.is_some() => FieldValue::Null,
         None => plain(value),
     };
@@ -98,14 +103,26 @@ pub(crate) fn quantity<'a>(
 
 /// Without the digits that scaling makes: a millionth is finer than any device resolves.
 pub(super) fn rounded(quantity: f64) -> f64 {
-    rounded_to(quantity, 6)
+    rounded_to(quantity, DIGITS)
 }
+
+/// Digits behind the point that quantities are rounded to.
+const DIGITS: u8 = 6;
+
+/// The same of a meaning whose values may have more.
+pub(crate) fn digits(meaning: &Meaning) -> u8 {
+    meaning.digits.max(DIGITS)
+}
+
+/// From here on a quantity has no digits behind the point that could be trusted.
+pub(crate) const UNROUNDED: f64 = 1e15;
 
 /// With so many digits after the point, unless those before it leave no room for as many.
 fn rounded_to(quantity: f64, digits: u8) -> f64 {
     let unit = 10_f64.powi(i32::from(digits));
     let shifted = quantity * unit;
-    if shifted.abs() < 1e15 { shifted.round() / unit } else { quantity }
+    // Less than half a unit below zero is no "-0".
+    if shifted.abs() < UNROUNDED { shifted.round() / unit + 0.0 } else { quantity }
 }
 
 pub(super) fn value_field(key: &'static str, value: &Value, fields: &mut dyn Fields) {

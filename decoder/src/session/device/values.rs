@@ -42,10 +42,10 @@ impl Bus {
     ) {
         let Some(node) = self.node_mut(id) else { return };
         let device = Arc::clone(&node.device);
-        let value = unpadded(value, device.dictionary.data_type(object));
-        let learnt = Learnt { object, value, origin: Origin { kind, frame: frame.number, time: frame.time } };
         let found = device.dictionary.find(object);
         let entry = found.and_then(|found| found.entry);
+        let value = unpadded(value, entry.and_then(|entry| entry.data_type));
+        let learnt = Learnt { object, value, origin: Origin { kind, frame: frame.number, time: frame.time } };
         self.contradict(id, object, value, kind, frame, out);
         match kind {
             OriginKind::Download => self.written(id, learnt, &device, found, frame, out),

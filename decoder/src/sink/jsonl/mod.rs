@@ -2,6 +2,7 @@
 
 pub(super) mod object;
 mod prepared;
+mod signals;
 
 use std::io::{self, Write};
 

@@ -40,6 +40,11 @@ impl<'a> Object<'a> {
         Self { line, fresh: true, depth: 0, marks: Marks::default() }
     }
 
+    /// The first item of a list at the end of `line`.
+    pub(super) fn in_list(line: &'a mut Vec<u8>) -> Self {
+        Self { line, fresh: true, depth: 0, marks: Marks::default() }
+    }
+
     /// Goes on with an object in `line` that has fields already.
     pub(super) fn resume(line: &'a mut Vec<u8>) -> Self {
         Self { line, fresh: false, depth: 0, marks: Marks::default() }

@@ -9,9 +9,12 @@
 //! of a tail is everything the tail is made of. A property test compares whole lines.
 
 use super::object::{Marks, Object};
+use super::signals::Signals;
+use std::sync::Arc;
+
 use crate::event::{Event, EventKind, FrameRange, Pdo, Protocol};
 use crate::frame::{CanId, Timestamp};
-use crate::profile::PdoName;
+use crate::profile::{Layout, PdoName};
 use crate::query::record::signals;
 use crate::session::Bus;
 use crate::sink::ascii::{push_decimal, push_hex, push_hex_word, push_nine, push_part, push_seconds};
@@ -50,6 +53,7 @@ struct Tail {
     key: Option<Key>,
     node_name: Option<Box<str>>,
     text: Vec<u8>,
+    signals: Option<Signals>,
 }
 
 #[derive(Default)]
@@ -120,7 +124,7 @@ impl Prepared {
     #[inline]
     pub(super) fn write(&mut self, event: &Event, bus: &Bus, line: &mut Vec<u8>) -> bool {
         let (Some(key), Some(time)) = (Key::of(event), event.time) else { return false };
-        let Some(tail) = self.tails.get(key.place(bus)) else { return false };
+        let Some(tail) = self.tails.get_mut(key.place(bus)) else { return false };
         if tail.key != Some(key) || tail.node_name.as_deref() != node_name(event, bus) {
             return false;
         }
@@ -136,7 +140,7 @@ impl Prepared {
         push_decimal(line, last);
         line.extend_from_slice(&tail.text);
         if let EventKind::Pdo(pdo) = &event.kind {
-            push_payload(pdo, line);
+            push_payload(pdo, &mut tail.signals, line);
         }
         true
     }
@@ -166,6 +170,7 @@ impl Prepared {
             kept.key = Some(key);
             kept.node_name = node_name(event, bus).map(Into::into);
             tail.clone_into(&mut kept.text);
+            kept.signals = None;
         }
     }
 }
@@ -205,18 +210,31 @@ fn push_time(
 }
 
 #[inline]
-fn push_payload(pdo: &Pdo, line: &mut Vec<u8>) {
+fn push_payload(pdo: &Pdo, prepared: &mut Option<Signals>, line: &mut Vec<u8>) {
     match pdo.bytes.first_chunk() {
         Some(bytes) if pdo.length <= 8 => push_hex_word(line, *bytes, usize::from(pdo.length)),
         _ => push_hex(line, pdo.payload()),
     }
     line.push(b'"');
-    if let Some(layout) = &pdo.layout {
-        let mut object = Object::resume(line);
-        signals(layout, pdo.payload(), &mut object);
-        object.end();
-    } else {
-        line.extend_from_slice(b"}\n");
+    let Some(layout) = &pdo.layout else { return line.extend_from_slice(b"}\n") };
+    let length = usize::from(pdo.length);
+    if let (Some(signals), Some(bytes)) = (&mut *prepared, pdo.bytes.first_chunk())
+        && signals.are_of(layout, length)
+    {
+        signals.write(*bytes, line);
+        return line.extend_from_slice(b"}\n");
+    }
+    push_signals(pdo, layout, prepared, line);
+}
+
+/// Writes signals in the general way, and prepares the next ones.
+#[cold]
+fn push_signals(pdo: &Pdo, layout: &Arc<Layout>, prepared: &mut Option<Signals>, line: &mut Vec<u8>) {
+    let mut object = Object::resume(line);
+    signals(layout, pdo.payload(), &mut object);
+    object.end();
+    if !prepared.as_ref().is_some_and(|prepared| prepared.is_of(layout)) {
+        *prepared = Signals::of(layout);
     }
 }
 
