@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use serde::Deserialize;
 
 use super::device::{Device, Identity, ProfileFile};
-use super::embedded;
 use super::position::TextError;
+use super::{compiled, embedded};
 
 /// Profiles by id. Those of this program are read when first asked for.
 #[derive(Debug, Default)]
@@ -180,7 +180,7 @@ impl Catalogue {
     /// Ids of all devices, sorted; standards are not among them.
     pub fn ids(&self) -> Vec<String> {
         let bundled =
-            bundled().filter(|(path, _)| path.starts_with(VENDOR)).filter_map(|(path, _)| id_of(path));
+            bundled().filter(|(path, ..)| path.starts_with(VENDOR)).filter_map(|(path, ..)| id_of(path));
         let mut ids: Vec<_> = bundled.chain(self.user.iter().map(|user| user.id.clone())).collect();
         ids.sort();
         ids.dedup();
@@ -207,18 +207,18 @@ impl Catalogue {
             None => (assignment, None),
         };
         let user = self.user.iter().rev().find(|user| user.id == id);
-        let (origin, text) = match user.map(|user| (&user.origin, &user.content)) {
+        let (origin, text, file) = match user.map(|user| (&user.origin, &user.content)) {
             Some((_, Content::Device(device))) => return Ok(Arc::clone(device)),
             Some((_, Content::Broken(error))) => return Err(error.clone()),
-            Some((origin, Content::Text(text))) => (origin.clone(), text.as_str()),
+            Some((origin, Content::Text(text))) => (origin.clone(), text.as_str(), ProfileFile::parse(text)),
             None => {
-                let found = bundled().find(|(path, _)| id_of(path).as_deref() == Some(id));
-                let (path, text) = found.ok_or_else(|| self.unknown(id))?;
-                (format!("profiles/{path}"), text)
+                let found = bundled().find(|(path, ..)| id_of(path).as_deref() == Some(id));
+                let &(path, text, compiled) = found.ok_or_else(|| self.unknown(id))?;
+                (format!("profiles/{path}"), text, ProfileFile::compiled(compiled, text))
             }
         };
         let broken = |errors| ProfileError::Broken { file: origin.clone(), errors };
-        let file = ProfileFile::parse(text).map_err(broken)?;
+        let file = file.map_err(broken)?;
         if let Some(variant) = variant.filter(|id| !file.variants().iter().any(|known| known.id == **id)) {
             let known: Vec<_> = file.variants().iter().map(|known| known.id.as_str()).collect();
             return Err(ProfileError::NoVariant {
@@ -299,35 +299,31 @@ fn closest(wanted: &str, known: impl IntoIterator<Item = String>) -> Option<Stri
     scored.filter(|(score, _)| *score > 2).max_by_key(|(score, _)| *score).map(|(_, name)| name)
 }
 
-/// Path and text of the profiles of this program.
-fn bundled() -> impl Iterator<Item = (&'static str, &'static str)> {
-    embedded::FILES.iter().map(|(path, text)| (*path, *text))
+/// Path, text and compiled form of the profiles of this program.
+fn bundled() -> impl Iterator<Item = &'static (&'static str, &'static str, &'static [u8])> {
+    embedded::FILES.iter()
+}
+
+/// What tells a device by what it says of itself.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct Identities {
+    identity: Vec<Identity>,
 }
 
 /// Identities of the devices of this program, by id; collected when first asked for.
 fn bundled_identities() -> &'static [(String, Vec<Identity>)] {
     static ALL: OnceLock<Vec<(String, Vec<Identity>)>> = OnceLock::new();
     ALL.get_or_init(|| {
-        let devices = bundled().filter(|(path, _)| path.starts_with(VENDOR));
-        devices.filter_map(|(path, text)| Some((id_of(path)?, identities(text)))).collect()
+        let devices = bundled().filter(|(path, ..)| path.starts_with(VENDOR));
+        let of = |compiled| compiled::read::<Identities>(compiled).unwrap_or_default().identity;
+        devices.filter_map(|(path, _, compiled)| Some((id_of(path)?, of(compiled)))).collect()
     })
 }
 
-/// The identities of a profile without reading the rest of it.
+/// The identities of a profile that is known to be one.
 fn identities(text: &str) -> Vec<Identity> {
-    #[derive(Default, Deserialize)]
-    #[serde(default)]
-    struct Part {
-        identity: Vec<Identity>,
-    }
-    let mut all = Vec::new();
-    for (at, _) in text.match_indices("\n[[identity]]") {
-        let part = text.get(at + 1..).unwrap_or_default();
-        let end = part.find("\n[").unwrap_or(part.len());
-        let read: Part = part.get(..end).and_then(|part| toml::from_str(part).ok()).unwrap_or_default();
-        all.extend(read.identity);
-    }
-    all
+    toml::from_str::<Identities>(text).unwrap_or_default().identity
 }
 
 #[cfg(test)]

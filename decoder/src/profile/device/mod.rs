@@ -34,6 +34,7 @@ pub use sample::Sample;
 pub use uds::{UdsIdentifier, UdsNrc, UdsSpec};
 
 use super::authored::{self, Authored, Tables, Wrong};
+use super::compiled;
 use super::dictionary::{Dictionary, Layer, Object};
 use super::imported::Import;
 use super::lookup::emcy_codes;
@@ -189,7 +190,20 @@ impl ProfileFile {
     /// # Errors
     /// Text that is no TOML, unknown keys, values that are none; all errors of objects, with place.
     pub fn parse(text: &str) -> Result<Self, Vec<TextError>> {
-        let mut file: File = toml::from_str(text).map_err(|error| vec![TextError::of_toml(text, &error)])?;
+        let file = toml::from_str(text).map_err(|error| vec![TextError::of_toml(text, &error)])?;
+        Self::of(file, text)
+    }
+
+    /// The same of a profile of this program, as the build script compiled it; `text` is what it was made of.
+    ///
+    /// # Errors
+    /// As for a text; a test excludes them.
+    pub(super) fn compiled(compiled: &'static [u8], text: &str) -> Result<Self, Vec<TextError>> {
+        let file = compiled::read(compiled).map_err(|error| vec![TextError::of_toml(text, &error)])?;
+        Self::of(file, text)
+    }
+
+    fn of(mut file: File, text: &str) -> Result<Self, Vec<TextError>> {
         let tables = Tables {
             values: std::mem::take(&mut file.values)
                 .into_iter()
