@@ -65,6 +65,7 @@ const READABLE: &[(&str, u64, u64, &str)] = &[
     ("packet_4_gib.pcap", 1, 2, ""),
     ("packet_cut_off.pcap", 1, 1, ""),
     ("packet_without_interface.pcapng", 0, 1, ""),
+    ("records_without_bytes.mf4", 0, 7, ""),
     ("sdo_commands.log", 519, 0, ""),
     ("sdo_storm.log", 508, 0, ""),
     ("time_jumps.log", 24, 0, ""),

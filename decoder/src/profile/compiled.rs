@@ -137,9 +137,14 @@ impl<'de> Deserializer<'de> for Value<'de> {
         visitor.visit_enum(Variant { name, value })
     }
 
+    /// Passed over as a whole.
+    fn deserialize_ignored_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Error> {
+        visitor.visit_unit()
+    }
+
     forward_to_deserialize_any! {
         bool u8 u16 u32 u64 i8 i16 i32 i64 f32 f64 char str string bytes byte_buf unit unit_struct seq tuple
-        tuple_struct map identifier ignored_any
+        tuple_struct map identifier
     }
 }
 

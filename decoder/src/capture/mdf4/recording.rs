@@ -120,14 +120,14 @@ impl Recording {
                 "several groups whose records have no numbers: only the first is read".into(),
             ));
         }
-        let mut known: Vec<Known> = data.groups.iter().map(known).collect();
+        let count = if data.number_size == 0 { 1 } else { data.groups.len() };
+        let mut known: Vec<Known> = data.groups.iter().take(count).map(known).collect();
         known.sort_unstable_by_key(|known| known.number);
         let known: Arc<[Known]> = known.into();
         let records =
             |wanted| Records::new(Stream::new(segments.clone()), data.number_size, known.clone(), wanted);
         let holds_frames = data.groups.iter().any(|group| group.frames.is_some());
         let mut is_first = true;
-        let count = if data.number_size == 0 { 1 } else { data.groups.len() };
         for (group, own) in data.groups.iter().zip(values).take(count) {
             let Some(frames) = group.frames else {
                 self.other(group, holds_frames);

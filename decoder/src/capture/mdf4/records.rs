@@ -64,6 +64,8 @@ impl Records {
                 return Next::Unknown(number);
             };
             let size = match known.size {
+                // Of records without bytes there are as many as one likes.
+                Size::Fixed(0) if self.number_size == 0 => return Next::End(0),
                 Size::Fixed(size) => size,
                 Size::Variable => match self.stream.read(file, 4, bytes) {
                     Outcome::Whole => u64::from(length(bytes)),
