@@ -16,6 +16,7 @@ pub mod adapter;
 pub mod dbc;
 pub mod device_file;
 pub mod expectations;
+pub mod filter;
 pub mod observe;
 pub mod pipeline;
 pub mod profile;
@@ -27,6 +28,7 @@ pub use adapter::{slcan, socketcand};
 pub use dbc::dbc;
 pub use device_file::device_file;
 pub use expectations::expectations;
+pub use filter::filter;
 pub use pipeline::any;
 pub use profile::profile;
 pub use session::{devices, session};
@@ -75,6 +77,7 @@ pub const TARGETS: &[Target] = &[
     ("dbc", dbc),
     ("profile", profile),
     ("expectations", expectations),
+    ("filter", filter),
 ];
 
 /// The candump reader.

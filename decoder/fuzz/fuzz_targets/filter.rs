@@ -1,0 +1,4 @@
+//! libFuzzer's entry to `harness::filter`.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|data: &[u8]| cobscope_fuzz::harness::filter(data));

@@ -1,0 +1,53 @@
+//! Filters: whatever is written, it is understood or refused with a place; what is understood means the same printed,
+//! in brackets and denied twice.
+
+use cobscope_decoder::capture::{Batch, ReadOptions, Reader};
+use cobscope_decoder::decoder::Decoder;
+use cobscope_decoder::event::Event;
+use cobscope_decoder::query::Filter;
+use cobscope_decoder::session::{Bus, SessionOptions};
+
+/// What is filtered: something of every protocol.
+const CAPTURES: [&str; 2] = [
+    include_str!("../../../../fixtures/j1939/mixed.log"),
+    include_str!("../../../../fixtures/canopen/pdo_mapping.log"),
+];
+
+/// A filter.
+pub fn filter(data: &[u8]) {
+    let Ok(text) = std::str::from_utf8(data) else { return };
+    let filter = match text.parse::<Filter>() {
+        Ok(filter) => filter,
+        Err(error) => {
+            assert!(!error.reason().is_empty() && text.get(error.at()).is_some(), "{:?}", error.at());
+            let printed = error.to_string();
+            assert!(!printed.chars().any(|letter| letter.is_control() && letter != '\n'), "{printed:?}");
+            return;
+        }
+    };
+    // What is too long or too deep with more around it says nothing.
+    let printed = filter.to_string();
+    let others = [printed.clone(), format!("({printed})"), format!("!(!({printed}))")];
+    let others: Vec<Filter> = others.iter().filter_map(|text| text.parse().ok()).collect();
+    each_event(|event, bus| {
+        let matches = filter.matches(event, bus, Some("a.log"));
+        assert!(!matches || filter.kinds().contains(&event.kind), "{printed}: {event:?}");
+        for other in &others {
+            assert_eq!(other.matches(event, bus, Some("a.log")), matches, "{printed} | {other}: {event:?}");
+        }
+    });
+}
+
+fn each_event(mut see: impl FnMut(&Event, &Bus)) {
+    for capture in CAPTURES {
+        let mut reader = Reader::open(capture.as_bytes(), &ReadOptions::default()).unwrap();
+        let mut decoder = Decoder::new(SessionOptions::default());
+        let mut batch = Batch::new();
+        while reader.read(&mut batch).unwrap() {
+            for frame in batch.frames() {
+                decoder.push(frame, reader.buses(), &mut see);
+            }
+        }
+        decoder.finish(reader.buses(), &mut see);
+    }
+}
