@@ -6,6 +6,7 @@ mod check;
 mod check_schema;
 mod cli;
 mod convert;
+mod cross_checks;
 mod dbc;
 mod docs;
 mod eds;

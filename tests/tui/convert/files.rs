@@ -151,6 +151,7 @@ fn what_cannot_be_asked_for_is_said() {
         (&["@a.log", "@b.xyz"][..], "@b.xyz: the end of the name says the format: .log (candump text), "),
         (&["@a.log", "@b"], "or say it with -f"),
         (&["@a.log", "-"], "or say it with -f"),
+        (&["-o", "@b.log"], "give the captures to read and then the file to write"),
         (&["@a.log"], "give the captures to read and then the file to write"),
         (&["-f", "xyz", "@a.log", "@b"], "possible values: candump, pcapng, asc, trc, csv"),
         (&["--comments", "@a.log", "@b.log"], "candump text has no place for comments; these have: pcapng, "),
@@ -164,7 +165,7 @@ fn what_cannot_be_asked_for_is_said() {
         assert!(stderr.replace("@/", "@").contains(says), "{words:?}: {stderr}");
     }
     assert_eq!(folder.names(), ["a.log"]);
-    assert_eq!(folder.convert(&["-f", "pcapng", "@a.log", "@b.bin"]).code, 0);
+    assert_eq!(folder.convert(&["-f", "pcapng", "@a.log", "-o", "@b.bin"]).code, 0);
     assert_eq!(Content::read(&folder.path("b.bin")).format, "pcapng");
     let missing = folder.convert(&["@no.log", "@c.log"]);
     assert_eq!(missing.code, 3);

@@ -1,5 +1,7 @@
 //! `cobscope convert`.
 
+use std::path::PathBuf;
+
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use cobscope_decoder::capture::WRITABLE;
@@ -25,6 +27,9 @@ such as a segment of an SDO transfer, is of kind \"frame\".
 pub struct ConvertArgs {
     #[command(flatten)]
     pub input: InputArgs,
+    /// The file to write, instead of the last argument
+    #[arg(short, long, value_name = "OUT")]
+    pub output: Option<PathBuf>,
     /// Format of OUT (default: what the end of its name says)
     #[arg(short, long, value_name = "FORMAT", value_parser = formats())]
     pub format: Option<String>,

@@ -10,7 +10,7 @@ mod input;
 mod output;
 
 use std::io::{ErrorKind, Write as _};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail, ensure};
 use cobscope_decoder::capture::{BusNames, Item, Notice, WRITABLE, WritableFormat};
@@ -31,7 +31,7 @@ const NAMED: u64 = 10;
 
 /// Runs the command.
 pub fn run(arguments: &ConvertArgs) -> Exit {
-    let (captures, format) = match plan(arguments) {
+    let Plan { captures, out, format } = match plan(arguments) {
         Ok(plan) => plan,
         Err(error) => return refuse(&error, Exit::Usage),
     };
@@ -43,7 +43,6 @@ pub fn run(arguments: &ConvertArgs) -> Exit {
         Ok(input) => input,
         Err(error) => return refuse(&error, Exit::Capture),
     };
-    let Some(out) = arguments.input.captures.last() else { return Exit::Usage };
     let output = match Output::open(captures, out, format, arguments) {
         Ok(output) => output,
         Err(error) => return refuse(&error, Exit::Usage),
@@ -56,14 +55,22 @@ fn refuse(error: &anyhow::Error, exit: Exit) -> Exit {
     exit
 }
 
-/// The captures, and the format to write.
-///
+/// What is read, and what is written.
+struct Plan<'a> {
+    captures: &'a [PathBuf],
+    out: &'a Path,
+    format: &'static WritableFormat,
+}
+
 /// # Errors
 /// What on the command line cannot be done.
-fn plan(arguments: &ConvertArgs) -> anyhow::Result<(&[std::path::PathBuf], &'static WritableFormat)> {
-    let Some((out, captures)) =
-        arguments.input.captures.split_last().filter(|(_, captures)| !captures.is_empty())
-    else {
+fn plan(arguments: &ConvertArgs) -> anyhow::Result<Plan<'_>> {
+    let named = arguments.input.captures.as_slice();
+    let ends = match &arguments.output {
+        Some(out) => Some((out, named)),
+        None => named.split_last(),
+    };
+    let Some((out, captures)) = ends.filter(|(_, captures)| !captures.is_empty()) else {
         bail!("give the captures to read and then the file to write, as convert run.log run.pcapng");
     };
     for node in &arguments.only_node {
@@ -86,7 +93,7 @@ fn plan(arguments: &ConvertArgs) -> anyhow::Result<(&[std::path::PathBuf], &'sta
     let is_stdout = out.as_os_str() == "-";
     let splits = arguments.split_size.is_some() || arguments.split_at.is_some();
     ensure!(!(is_stdout && splits), "standard output cannot be split; give a file");
-    Ok((captures, format))
+    Ok(Plan { captures, out, format })
 }
 
 fn format_of(arguments: &ConvertArgs, out: &Path) -> anyhow::Result<&'static WritableFormat> {

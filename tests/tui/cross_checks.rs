@@ -1,0 +1,59 @@
+//! Events against what another dissector makes of the same frames, field by field.
+
+use std::path::PathBuf;
+use std::process::Command;
+
+use crate::support::{self, workspace};
+
+/// Captures of CANopen below a folder, in order.
+fn captures(folder: PathBuf) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let is_capture = |path: &PathBuf| {
+        let name = path.to_string_lossy();
+        [".log", ".trc", ".pcapng", ".candump.txt"].iter().any(|end| name.ends_with(end))
+    };
+    let mut all: Vec<_> = entries.filter(is_capture).collect();
+    all.sort();
+    all
+}
+
+/// What `canopen_fields.py` compared, its last line a fixed number of all; `None` if tshark is not there.
+fn compared_with_tshark(captures: &[PathBuf]) -> Option<String> {
+    if Command::new("tshark").arg("-v").output().is_err() {
+        support::skip("tshark", "the program is missing");
+        return None;
+    }
+    let python = support::python().unwrap_or_else(|| "python3".into());
+    if Command::new(&python).arg("--version").output().is_err() {
+        support::skip("python", "the program is missing");
+        return None;
+    }
+    let script = workspace().join("tests/oracles/canopen_fields.py");
+    let output =
+        Command::new(python).arg(script).arg(env!("CARGO_BIN_EXE_cobscope")).args(captures).output().unwrap();
+    let text = String::from_utf8_lossy(&output.stdout).trim_end().to_owned();
+    assert!(output.status.success(), "{text}\n{}", String::from_utf8_lossy(&output.stderr));
+    Some(text)
+}
+
+#[test]
+fn canopen_of_recordings_field_by_field() {
+    let captures = captures(support::corpus().join("canopen"));
+    if captures.is_empty() {
+        return support::skip("corpus", "no captures of other projects");
+    }
+    let Some(compared) = compared_with_tshark(&captures) else { return };
+    let expected = "compared boot-up 178\ncompared emcy 864\ncompared guard-reply 1122\ncompared heartbeat 6680\n\
+        compared nmt-command 2666\ncompared pdo 36226\ncompared sdo-transfer 29839\ncompared sync 3054\n\
+        compared time 596\nknown block 45\nknown malformed 1\nknown remote 374";
+    assert_eq!(compared, expected);
+}
+
+#[test]
+fn canopen_of_fixtures_field_by_field() {
+    let Some(compared) = compared_with_tshark(&captures(workspace().join("fixtures/canopen"))) else { return };
+    // What recordings do not have: LSS, moved identifiers, blocks.
+    for part in ["compared lss ", "known moved ", "known block "] {
+        assert!(compared.contains(part), "{compared}");
+    }
+}
