@@ -51,7 +51,9 @@ fn canopen_of_recordings_field_by_field() {
 
 #[test]
 fn canopen_of_fixtures_field_by_field() {
-    let Some(compared) = compared_with_tshark(&captures(workspace().join("fixtures/canopen"))) else { return };
+    let Some(compared) = compared_with_tshark(&captures(workspace().join("fixtures/canopen"))) else {
+        return;
+    };
     // What recordings do not have: LSS, moved identifiers, blocks.
     for part in ["compared lss ", "known moved ", "known block "] {
         assert!(compared.contains(part), "{compared}");
