@@ -44,6 +44,7 @@ fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> io::Result<()> {
     Ok(())
 }
 
+#[expect(clippy::disallowed_methods, reason = "a build script reads what it embeds")]
 fn compile(file: &Path) -> io::Result<Vec<u8>> {
     let text = fs::read_to_string(file)?;
     let wrong = |error: String| io::Error::other(format!("{}: {error}", file.display()));

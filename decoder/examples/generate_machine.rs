@@ -7,7 +7,8 @@
 //! Options: `--frames N` (1000000), `--seed N` (1), `--format candump|pcap|pcapng`, `--storm` (every second
 //! SDO transfer aborted, every tenth frame an EMCY), `--mapping` (PDO mappings are told by SDO),
 //! `--devices` (a hydraulic machine instead, whose devices have profiles: printed to standard error),
-//! `--j1939` (an engine and five other control units instead).
+//! `--j1939` (an engine and five other control units instead), `--faults` (one message in 64 is lost, doubled, changed,
+//! late, early, or the clock steps).
 
 #[path = "../benches/machine/mod.rs"]
 mod machine;
@@ -16,14 +17,15 @@ use std::io::{self, BufWriter, Write};
 
 use machine::devices::{DEVICES, Devices};
 use machine::engine::Engine;
+use machine::faults::Faulty;
 use machine::formats::Format;
-use machine::{Machine, Options};
+use machine::{Machine, Message, Options};
 
 fn main() -> io::Result<()> {
     let mut frames = 1_000_000;
     let mut format = Format::Candump;
     let mut options = Options { seed: 1, storm: false, mapping: false };
-    let (mut devices, mut j1939) = (false, false);
+    let (mut devices, mut j1939, mut faults) = (false, false, false);
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
         match argument.as_str() {
@@ -31,6 +33,7 @@ fn main() -> io::Result<()> {
             "--mapping" => options.mapping = true,
             "--devices" => devices = true,
             "--j1939" => j1939 = true,
+            "--faults" => faults = true,
             "--frames" => frames = number(arguments.next())?,
             "--seed" => options.seed = number(arguments.next())?,
             "--format" => {
@@ -46,21 +49,20 @@ fn main() -> io::Result<()> {
     }
     let mut out = BufWriter::with_capacity(256 * 1024, io::stdout().lock());
     format.begin(&mut out)?;
-    if devices {
+    let seed = options.seed;
+    let messages: Box<dyn Iterator<Item = Message>> = if devices {
         for (node, profile) in DEVICES {
             writeln!(io::stderr(), "--node {node}={profile}")?;
         }
-        for message in Devices::new(options.seed).take(frames) {
-            format.write(&message, &mut out)?;
-        }
+        Box::new(Devices::new(seed))
     } else if j1939 {
-        for message in Engine::new(options.seed).take(frames) {
-            format.write(&message, &mut out)?;
-        }
+        Box::new(Engine::new(seed))
     } else {
-        for message in Machine::new(options).take(frames) {
-            format.write(&message, &mut out)?;
-        }
+        Box::new(Machine::new(options))
+    };
+    let messages = if faults { Box::new(Faulty::new(messages, seed)) } else { messages };
+    for message in messages.take(frames) {
+        format.write(&message, &mut out)?;
     }
     out.flush()
 }
@@ -71,6 +73,6 @@ fn number<T: std::str::FromStr>(text: Option<String>) -> io::Result<T> {
 
 fn usage() -> io::Error {
     io::Error::other(
-        "options: --frames N --seed N --format candump|pcap|pcapng --storm --mapping --devices --j1939",
+        "options: --frames N --seed N --format candump|pcap|pcapng --storm --mapping --devices --j1939 --faults",
     )
 }

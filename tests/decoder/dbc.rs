@@ -21,6 +21,7 @@ use serde_json::Value as Json;
 
 use crate::corpus::decode_with;
 use crate::harness;
+use crate::pieces::pieces_moved;
 use crate::support::{corpus, python, skip, workspace};
 
 fn corpus_files() -> Vec<PathBuf> {
@@ -528,25 +529,12 @@ fn fixtures_are_read_as_expected() {
 
 /// A database of ours with pieces of it put over others, so that more than the first lines are looked at.
 fn damaged() -> impl Strategy<Value = Vec<u8>> {
-    let files: Vec<_> = fs::read_dir(workspace().join("fixtures/dbc"))
+    let files = fs::read_dir(workspace().join("fixtures/dbc"))
         .unwrap()
         .map(|entry| entry.unwrap().path())
         .filter(|path| path.extension().is_some_and(|extension| extension == "dbc" || extension == "json"))
-        .map(|path| fs::read(path).unwrap())
-        .collect();
-    let cuts = prop::collection::vec(
-        (any::<prop::sample::Index>(), any::<prop::sample::Index>(), 0..40_usize),
-        1..12,
-    );
-    (prop::sample::select(files), cuts).prop_map(|(mut file, cuts)| {
-        for (from, to, length) in cuts {
-            let (from, to) = (from.index(file.len()), to.index(file.len()));
-            let piece = file[from..(from + length).min(file.len())].to_vec();
-            let end = (to + length / 2).min(file.len());
-            file.splice(to..end, piece);
-        }
-        file
-    })
+        .map(|path| fs::read(path).unwrap());
+    pieces_moved(files.collect())
 }
 
 proptest! {

@@ -15,6 +15,7 @@ use proptest::prelude::*;
 use serde_json::Value;
 
 use crate::harness;
+use crate::pieces::pieces_moved;
 use crate::support::{corpus, python, skip, workspace};
 
 /// The node-ID `$NODEID` stands for.
@@ -425,24 +426,8 @@ fn fixtures_are_read_as_expected() {
 
 /// A device file of ours with bytes put over it, so that more than the first lines are looked at.
 fn damaged() -> impl Strategy<Value = Vec<u8>> {
-    let files: Vec<_> = fs::read_dir(workspace().join("fixtures/device_files"))
-        .unwrap()
-        .map(|entry| fs::read(entry.unwrap().path()).unwrap())
-        .collect();
-    let cuts = prop::collection::vec(
-        (any::<prop::sample::Index>(), any::<prop::sample::Index>(), 0..40_usize),
-        1..12,
-    );
-    (prop::sample::select(files), cuts).prop_map(|(mut file, cuts)| {
-        for (from, to, length) in cuts {
-            // A piece of the file again somewhere else in it.
-            let (from, to) = (from.index(file.len()), to.index(file.len()));
-            let piece = file[from..(from + length).min(file.len())].to_vec();
-            let end = (to + length / 2).min(file.len());
-            file.splice(to..end, piece);
-        }
-        file
-    })
+    let entries = fs::read_dir(workspace().join("fixtures/device_files")).unwrap();
+    pieces_moved(entries.map(|entry| fs::read(entry.unwrap().path()).unwrap()).collect())
 }
 
 proptest! {

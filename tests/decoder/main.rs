@@ -35,6 +35,7 @@ mod limits;
 mod malformed;
 mod mutations;
 mod mutator;
+mod pieces;
 mod profiles;
 mod properties;
 mod replay;

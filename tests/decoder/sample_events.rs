@@ -14,7 +14,7 @@ use cobscope_decoder::event::{
 use cobscope_decoder::finding::Severity;
 use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags, LinkState, MAX_DATA, Timestamp};
 use cobscope_decoder::profile::dbc::{self, Database};
-use cobscope_decoder::profile::object::{BitName, BitNames, Names};
+use cobscope_decoder::profile::{BitName, BitNames, Names};
 use cobscope_decoder::profile::{
     Carrier, Catalogue, DataType, Effect, Factor, Field, Layout, Meaning, PdoDirection, PdoName,
 };

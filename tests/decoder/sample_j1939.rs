@@ -8,7 +8,7 @@ use cobscope_decoder::event::{
     Timer, TransportAbort, TransportMode,
 };
 use cobscope_decoder::frame::{CanId, MAX_DATA};
-use cobscope_decoder::profile::object::Names;
+use cobscope_decoder::profile::Names;
 use cobscope_decoder::profile::{DataType, Field, Layout, Meaning, SignalId};
 use cobscope_decoder::wire::canopen::ObjectAddress;
 use cobscope_decoder::wire::j1939::{ALL, Acknowledgement, J1939Id, Name, Pgn};

@@ -266,6 +266,22 @@ pub enum Color {
     Never,
 }
 
+impl Command {
+    /// The captures it reads, which are standard input where none is named.
+    pub fn captures(&self) -> Option<&[PathBuf]> {
+        let input = match self {
+            Self::View(arguments) => &arguments.input,
+            Self::Decode(arguments) => &arguments.input,
+            Self::Stats(arguments) => &arguments.input,
+            Self::Objects(arguments) => &arguments.input,
+            Self::Why(arguments) => &arguments.input,
+            Self::Check(arguments) => &arguments.input,
+            _ => return None,
+        };
+        Some(&input.captures)
+    }
+}
+
 /// Puts `view` or `decode` before arguments that begin with a capture or an option of one: `view` where a terminal
 /// shows the output and it knows all options.
 pub fn with_default_command(
@@ -279,7 +295,7 @@ pub fn with_default_command(
         own || Cli::command().get_subcommands().any(|command| command.get_name() == text)
     };
     let needs_default = match arguments.get(1) {
-        Some(first) => !first.to_str().is_some_and(is_command),
+        Some(first) => !first.to_str().is_some_and(|first| is_command(first) || is_misspelt(first)),
         None => !std::io::IsTerminal::is_terminal(&std::io::stdin()),
     };
     if needs_default {
@@ -290,6 +306,19 @@ pub fn with_default_command(
         }
     }
     arguments
+}
+
+/// Whether this is meant to be a command rather than a capture: there is no such file, and it begins like one. What is
+/// meant the parser then says.
+fn is_misspelt(text: &str) -> bool {
+    use clap::CommandFactory as _;
+    const BEGINNING: usize = 3;
+    let is_word = text.bytes().all(|byte| byte.is_ascii_lowercase());
+    let begins = |command: &clap::Command| command.get_name().get(..BEGINNING) == text.get(..BEGINNING);
+    is_word
+        && text.len() > BEGINNING
+        && Cli::command().get_subcommands().any(begins)
+        && !std::path::Path::new(text).exists()
 }
 
 #[cfg(test)]
@@ -315,6 +344,8 @@ mod tests {
         assert_eq!(with(&["x.log"]), ["decode", "x.log"]);
         assert_eq!(with(&["-f", "jsonl", "x.log"]), ["decode", "-f", "jsonl", "x.log"]);
         assert_eq!(with(&["man"]), ["man"]);
+        assert_eq!(with(&["decod", "x.log"]), ["decod", "x.log"], "the parser says what is meant");
+        assert_eq!(with(&["decod.log"]), ["decode", "decod.log"]);
         assert_eq!(with(&["--help"]), ["--help"]);
     }
 

@@ -8,6 +8,8 @@
 
 pub mod devices;
 pub mod engine;
+#[allow(dead_code, reason = "captures for benchmarks have no faults")]
+pub mod faults;
 pub mod formats;
 mod sdo;
 

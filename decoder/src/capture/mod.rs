@@ -298,7 +298,10 @@ pub const WRITABLE: &[WritableFormat] = &[
     mcap::WRITABLE,
 ];
 
-/// The format that recognises these first bytes.
-pub fn detect(head: &[u8]) -> Option<&'static Format> {
-    FORMATS.iter().find(|format| (format.detect)(head))
+/// The format that recognises these first bytes; `is_whole` where no more follow. Of text only whole lines tell: the
+/// beginning of a line may look like that of another format.
+pub fn detect(head: &[u8], is_whole: bool) -> Option<&'static Format> {
+    let end = head.iter().rposition(|byte| matches!(byte, b'\n' | b'\r')).map_or(0, |end| end + 1);
+    let lines = if is_whole { head } else { head.get(..end).unwrap_or_default() };
+    FORMATS.iter().find(|format| (format.detect)(if format.is_text { lines } else { head }))
 }

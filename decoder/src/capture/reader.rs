@@ -62,7 +62,7 @@ impl<R: Read> Reader<R> {
         let mut at_end = false;
         // A pipe may deliver a few bytes at a time; a format needs some lines to be recognised.
         loop {
-            if let Some(format) = detect(buffer.get(..end).unwrap_or_default()) {
+            if let Some(format) = detect(buffer.get(..end).unwrap_or_default(), at_end) {
                 let parser = (format.parser)(options);
                 let failure = Failure::None;
                 return Ok(Self {

@@ -10,10 +10,8 @@ use toml::Spanned;
 
 use super::data_type::DataType;
 use super::dictionary::{Entry, Object};
-use super::object::{
-    Access, BitNames, Effect, Format, Given, Look, Names, ONCE, Only, Repeat, Role, Scale, Shared, Storage,
-    When,
-};
+use super::names::{BitNames, Names, Shared};
+use super::object::{Access, Effect, Format, Given, Look, ONCE, Only, Repeat, Role, Scale, Storage, When};
 use super::reference::{ObjectRange, Reference};
 
 /// What is wrong, and where in the text.
@@ -42,7 +40,7 @@ pub(super) struct Authored {
     default: Option<Given>,
     values: Option<Spanned<Shared<Names>>>,
     special: Option<Spanned<Shared<Names>>>,
-    bits: Option<Spanned<Shared<Vec<super::object::BitName>>>>,
+    bits: Option<Spanned<Shared<Vec<super::names::BitName>>>>,
     role: Option<Role>,
     of: Option<Reference>,
     short: Option<String>,
@@ -110,7 +108,7 @@ impl Tables {
         }
     }
 
-    fn bits(&self, shared: &Spanned<Shared<Vec<super::object::BitName>>>) -> Result<Arc<BitNames>, Wrong> {
+    fn bits(&self, shared: &Spanned<Shared<Vec<super::names::BitName>>>) -> Result<Arc<BitNames>, Wrong> {
         match shared.get_ref() {
             Shared::Here(list) => Ok(Arc::new(BitNames { list: list.clone() })),
             Shared::Named(name) => self.bits.get(name).cloned().ok_or_else(|| {

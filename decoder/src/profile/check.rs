@@ -14,7 +14,8 @@ use super::device::{Condition, Device, Machine, MessageSpec, PdoField, ProfileFi
 use super::dictionary::{Dictionary, Entry, Object};
 use super::formula::formula;
 use super::layout::PdoName;
-use super::object::{BitNames, Given, Look, Names, Only, Role, Scale, When};
+use super::names::{BitNames, Names};
+use super::object::{Given, Look, Only, Role, Scale, When};
 use super::position::TextError;
 use super::reference::Reference;
 use crate::wire::canopen::ObjectAddress;

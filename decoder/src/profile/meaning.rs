@@ -4,7 +4,8 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 
 use super::data_type::{DataType, Value};
-use super::object::{BitNames, Format, Names, Role};
+use super::names::{BitNames, Names};
+use super::object::{Format, Role};
 use crate::wire::canopen::ObjectAddress;
 
 /// Raw number to quantity.
@@ -276,7 +277,7 @@ pub fn bit_words(bits: &BitNames, word: u64) -> Vec<String> {
     named.filter_map(|bit| bit.word(bit.of(word))).collect()
 }
 
-impl super::object::BitName {
+impl super::names::BitName {
     /// The word for a number of these bits; `None` where there is nothing to say.
     pub fn word(&self, number: u64) -> Option<String> {
         let title = self.text.as_deref().unwrap_or(&self.name);

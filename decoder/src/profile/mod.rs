@@ -19,8 +19,11 @@ pub mod imported;
 mod layout;
 mod lookup;
 mod meaning;
+mod names;
 pub mod object;
+mod one_or_many;
 mod position;
+mod quoted;
 mod reference;
 mod resolve;
 
@@ -43,7 +46,8 @@ pub use lookup::{
 };
 
 pub use meaning::{Factor, Indicators, Meaning, bit_words, integer, word};
-pub use object::{BitName, BitNames, Effect, Names, Role, Storage};
+pub use names::{BitName, BitNames, Names};
+pub use object::{Effect, Role, Storage};
 pub use position::TextError;
 pub use reference::Reference;
 pub use resolve::{Known, NothingKnown, Number, Resolver};

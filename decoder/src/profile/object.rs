@@ -1,14 +1,11 @@
 //! Objects as a profile's author writes them: keys of `profiles/README.md`, section "Objects".
 
-use std::collections::BTreeMap;
-use std::fmt;
-use std::marker::PhantomData;
 use std::sync::Arc;
 
-use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
-use serde::de::{MapAccess, SeqAccess, Visitor};
-use serde::{Deserialize, Deserializer};
+use serde::Deserialize;
 
+use super::names::{BitNames, Names};
+use super::one_or_many::OneOrMany;
 use super::reference::Reference;
 
 /// How a number is read by people.
@@ -173,92 +170,6 @@ impl Role {
     }
 }
 
-/// An enumeration: raw value to its name.
-#[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
-#[serde(try_from = "BTreeMap<String, String>")]
-pub struct Names(pub BTreeMap<i64, String>);
-
-impl Names {
-    /// Name of a value.
-    pub fn get(&self, value: i64) -> Option<&str> {
-        self.0.get(&value).map(String::as_str)
-    }
-}
-
-impl TryFrom<BTreeMap<String, String>> for Names {
-    type Error = String;
-
-    fn try_from(table: BTreeMap<String, String>) -> Result<Self, String> {
-        let entry = |(key, name): (String, String)| integer(&key).map(|key| (key, name));
-        table.into_iter().map(entry).collect::<Result<_, _>>().map(Self)
-    }
-}
-
-/// A key such as `0`, `-3`, `0x1000`.
-fn integer(text: &str) -> Result<i64, String> {
-    let number = match text.strip_prefix("0x") {
-        Some(digits) => i64::from_str_radix(digits, 16),
-        None => text.parse(),
-    };
-    number.map_err(|_| format!("'{text}' is no number: write 0, -3 or 0x1000"))
-}
-
-/// One bit, or a few together, of a word.
-#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct BitName {
-    /// Lowest bit, from 0.
-    pub bit: u8,
-    /// How many.
-    #[serde(default = "one")]
-    pub width: u8,
-    /// The word in JSON, in kebab-case.
-    #[serde(default)]
-    pub name: String,
-    /// Words for a line when set.
-    #[serde(default)]
-    pub text: Option<String>,
-    /// Words for a line when clear.
-    #[serde(default)]
-    pub off: Option<String>,
-    /// Names of the number several bits form.
-    #[serde(default)]
-    pub values: Option<Names>,
-    /// Without meaning.
-    #[serde(default)]
-    pub reserved: bool,
-}
-
-const fn one() -> u8 {
-    1
-}
-
-impl BitName {
-    /// The number these bits form in `word`.
-    pub fn of(&self, word: u64) -> u64 {
-        let mask = if self.width >= 64 { u64::MAX } else { (1 << self.width) - 1 };
-        word.checked_shr(u32::from(self.bit)).unwrap_or(0) & mask
-    }
-}
-
-/// Bits of a word.
-#[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct BitNames {
-    /// In any order.
-    pub list: Vec<BitName>,
-}
-
-/// Something defined here, or the name of a table that defines it for several.
-#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
-#[serde(untagged, expecting = "a table, or the name of one")]
-pub enum Shared<T> {
-    /// Name of the table.
-    Named(String),
-    /// Defined here.
-    Here(T),
-}
-
 /// Raw number to quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(
@@ -332,50 +243,6 @@ impl From<OneOrMany<String>> for Only {
     }
 }
 
-/// A value or a list of them; `tables` says more of what is wrong in a table.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(untagged)]
-pub(super) enum OneOrMany<T> {
-    One(T),
-    Many(Vec<T>),
-}
-
-impl<T> OneOrMany<T> {
-    pub(super) fn into_vec(self) -> Vec<T> {
-        match self {
-            Self::One(one) => vec![one],
-            Self::Many(many) => many,
-        }
-    }
-}
-
-/// A table or a list of them, with the errors of the tables themselves.
-pub(super) fn tables<'de, D, T>(deserializer: D) -> Result<Vec<T>, D::Error>
-where
-    D: Deserializer<'de>,
-    T: Deserialize<'de>,
-{
-    struct Tables<T>(PhantomData<T>);
-
-    impl<'de, T: Deserialize<'de>> Visitor<'de> for Tables<T> {
-        type Value = Vec<T>;
-
-        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-            f.write_str("a table or a list of tables")
-        }
-
-        fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Vec<T>, A::Error> {
-            T::deserialize(MapAccessDeserializer::new(map)).map(|one| vec![one])
-        }
-
-        fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Vec<T>, A::Error> {
-            Vec::deserialize(SeqAccessDeserializer::new(list))
-        }
-    }
-
-    deserializer.deserialize_any(Tables(PhantomData))
-}
-
 /// Equal entries at a distance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -398,6 +265,12 @@ const fn first() -> u16 {
 
 /// No repeat: one entry.
 pub const ONCE: Repeat = Repeat { count: 1, stride: 0, first: 1, channel: false };
+
+impl Default for Repeat {
+    fn default() -> Self {
+        ONCE
+    }
+}
 
 /// A default as written.
 #[derive(Debug, Clone, PartialEq, Deserialize)]

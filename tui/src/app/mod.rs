@@ -6,16 +6,19 @@
 //! ```
 
 mod action;
+mod ask;
 mod core;
 mod header;
+mod news;
 mod start;
 mod update;
 mod view;
 
 pub use action::{Action, Effect};
+pub use ask::pattern;
 pub use core::{Core, NodeKey, Place, Sought};
 pub use start::{Start, quoted};
-pub use update::{Output, pattern};
+pub use update::Output;
 
 use cobscope_decoder::sink::text::Tone;
 use ratatui::crossterm::event::KeyEvent;

@@ -41,7 +41,7 @@ pub struct CheckArgs {
     #[arg(long, value_name = "N")]
     pub threads: Option<NonZeroUsize>,
     /// Day on which suppressions of the bus file may have run out (default: today)
-    #[arg(long, value_name = "DATE")]
+    #[arg(long, value_name = "DATE", value_parser = date)]
     pub today: Option<jiff::civil::Date>,
     /// Use the profiles in $XDG_CONFIG_HOME/cobscope/profiles too; without, every machine judges alike
     #[arg(long)]
@@ -75,4 +75,8 @@ pub enum FailOn {
     Warning,
     /// None
     Never,
+}
+
+fn date(text: &str) -> Result<jiff::civil::Date, &'static str> {
+    text.parse().map_err(|_| "expected a date, as 2026-01-31")
 }

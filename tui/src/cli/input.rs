@@ -10,6 +10,7 @@ use crate::select::Bound;
 
 /// How captures are read and understood.
 #[derive(Debug, Args)]
+#[command(next_help_heading = "Reading")]
 pub struct InputArgs {
     /// Captures to read; `-` is standard input
     #[arg(value_name = "CAPTURE")]

@@ -4,10 +4,10 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, anyhow};
 use cobscope_decoder::bus_file::BusFile;
 use cobscope_decoder::capture::{ReadOptions, TimeStyle};
-use cobscope_decoder::profile::{Catalogue, TextError};
+use cobscope_decoder::profile::{Catalogue, ProfileError, TextError};
 use cobscope_decoder::rules::Setup;
 use cobscope_decoder::session::{AssignedBy, Assignment, ProtocolChoice, SessionOptions};
 use cobscope_decoder::sink::escape;
@@ -114,7 +114,11 @@ fn assignments(
     }
     for NodeArg { bus, id, profile } in &input.node {
         let Some(profile) = profile else { continue };
-        let device = catalogue.device(profile).with_context(|| format!("--node {id}={profile}"))?;
+        let device = catalogue.device(profile).map_err(|error| {
+            let list =
+                if matches!(error, ProfileError::Unknown { .. }) { " (cobscope profiles list)" } else { "" };
+            anyhow!("--node {id}={profile}: {error}{list}")
+        })?;
         all.push(Assignment { bus: bus.clone(), node: *id, device, by: AssignedBy::Option });
     }
     Ok(all)

@@ -43,6 +43,10 @@ pub(crate) use rules::rule_sections;
 
 /// Runs what the command line says.
 pub fn run(cli: Cli) -> Exit {
+    if cli.command.captures().is_some_and(<[_]>::is_empty) && std::io::stdin().is_terminal() {
+        complain(&anyhow::anyhow!("no capture: name a file, or - to read what is typed here"));
+        return Exit::Usage;
+    }
     match cli.command {
         Command::View(arguments) => view::run(&arguments),
         Command::Live(arguments) => live::run(&arguments),

@@ -13,7 +13,7 @@ use serde_json::json;
 
 use super::want::Want;
 use super::{Watcher, complain, decode_capture, report};
-use crate::cli::{ObjectsArgs, ReportFormat};
+use crate::cli::{InputArgs, ObjectsArgs, ReportFormat};
 use crate::exit_code::Exit;
 use crate::select::Bound;
 
@@ -40,6 +40,9 @@ pub fn run(arguments: &ObjectsArgs) -> Exit {
         }
         for bus in decoded.decoder.buses() {
             tell(bus, arguments, until.first, &name, output);
+        }
+        if let Some(absent) = absent(decoded.decoder.buses(), &arguments.input) {
+            complain(&anyhow::anyhow!("{name}: {absent}"));
         }
         Ok(decoded.failure)
     })
@@ -70,6 +73,19 @@ impl Watcher for Until {
     fn frame(&mut self, frame: &Frame, _names: &BusNames) -> bool {
         !self.at.is_some_and(|at| at.is_before(frame, self.first))
     }
+}
+
+/// What is said where the node that is asked for is not there.
+fn absent(buses: &[Bus], input: &InputArgs) -> Option<String> {
+    let wanted = input.node.iter().find(|node| node.profile.is_none())?;
+    let is_meant = |bus: &&Bus| wanted.bus.as_deref().is_none_or(|name| name == bus.name());
+    if buses.iter().filter(is_meant).any(|bus| bus.node(wanted.id).is_some()) {
+        return None;
+    }
+    let heard: Vec<_> =
+        buses.iter().filter(is_meant).flat_map(Bus::nodes).map(|node| node.id().to_string()).collect();
+    let heard = if heard.is_empty() { "none".to_owned() } else { heard.join(", ") };
+    Some(format!("{} is not heard; nodes heard: {heard}", wanted.id.words()))
 }
 
 /// Tells what is asked for of one bus.

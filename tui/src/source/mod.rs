@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::available_parallelism;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, ensure};
 use cobscope_decoder::capture::{ReadOptions, Reader, decompress, is_compressed};
 
 pub use ahead::{Ahead, Frames};
@@ -61,6 +61,11 @@ pub fn open(path: &Path, options: &ReadOptions) -> anyhow::Result<Capture> {
         (Box::new(std::io::stdin()), None)
     } else {
         let file = File::open(path).with_context(|| format!("{}: cannot be opened", path.display()))?;
+        ensure!(
+            !path.is_dir(),
+            "{}: a folder; name the captures in it, or judge all with check",
+            path.display()
+        );
         let size = file.metadata().ok().filter(std::fs::Metadata::is_file).map(|metadata| metadata.len());
         (Box::new(file), size)
     };

@@ -291,6 +291,6 @@ End TriggerBlock
     fn a_capture_without_frames_is_one() {
         let text = written(&[]);
         assert_eq!(text, "base hex  timestamps absolute\n");
-        assert_eq!(crate::capture::detect(text.as_bytes()).unwrap().name, "asc");
+        assert_eq!(crate::capture::detect(text.as_bytes(), true).unwrap().name, "asc");
     }
 }

@@ -352,6 +352,6 @@ mod tests {
         let odd = Frame { flags: FrameFlags::FD, ..Frame::data_frame(CanId::standard(1), &[1; 9]) };
         let read = crate::capture::testing::read(written(&[at(0, odd)]).as_bytes());
         assert_eq!(read.frames[0].data(), [1, 1, 1, 1, 1, 1, 1, 1, 1, 0, 0, 0]);
-        assert_eq!(crate::capture::detect(written(&[]).as_bytes()).unwrap().name, "trc");
+        assert_eq!(crate::capture::detect(written(&[]).as_bytes(), true).unwrap().name, "trc");
     }
 }

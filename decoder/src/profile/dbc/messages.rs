@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use can_dbc::{ByteOrder, MultiplexIndicator, NumericValue, ValueType};
 
-use super::problem::{Problems, quote};
+use super::problem::Problems;
 use super::read::{About, Raw, RawMessage};
 use super::signal::Signal;
 use super::{
@@ -15,6 +15,7 @@ use super::{
 };
 use crate::frame::CanId;
 use crate::profile::layout::{BitOrder, DEEPEST_SELECTION, Field, Layout, Selector, SignalId};
+use crate::profile::quoted::quote;
 use crate::wire::j1939::{J1939Id, Pgn};
 
 /// Where a layout comes from.

@@ -18,13 +18,14 @@ use std::sync::Arc;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::problem::{Problem, Problems, quote};
+use super::problem::{Problem, Problems};
 use super::signal::Signal;
 use super::{
     DatabaseFile, DatabaseMessage, Known, LONGEST_MESSAGE, MOST_MESSAGES, MOST_SIGNALS, Parameter, spn,
 };
 use crate::profile::layout::{BitOrder, Field, Layout};
-use crate::profile::object::Names;
+use crate::profile::names::Names;
+use crate::profile::quoted::quote;
 use crate::wire::j1939::Pgn;
 
 /// Where a layout comes from.

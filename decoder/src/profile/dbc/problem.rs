@@ -3,6 +3,7 @@
 use std::fmt;
 
 use super::MOST_PROBLEMS;
+use crate::profile::quoted::printable;
 
 /// Characters of a reason.
 const LONGEST_REASON: usize = 300;
@@ -82,20 +83,6 @@ impl<'a> Problems<'a> {
     }
 }
 
-/// What stands in the file, for a message: its beginning in quotes, without control characters.
-pub(super) fn quote(text: &str) -> String {
-    const SHOWN: usize = 40;
-    let mut shown: String = text.chars().take(SHOWN).map(printable).collect();
-    if text.chars().nth(SHOWN).is_some() {
-        shown.push('…');
-    }
-    format!("\"{shown}\"")
-}
-
-fn printable(character: char) -> char {
-    if character.is_control() { char::REPLACEMENT_CHARACTER } else { character }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -118,11 +105,5 @@ mod tests {
             (shown(MOST_PROBLEMS - 1), shown(MOST_PROBLEMS)),
             ("3:1: end".into(), " 3 more problems".into())
         );
-    }
-
-    #[test]
-    fn quoted_text_is_short_and_printable() {
-        assert_eq!(quote("a\x1b[2J"), "\"a\u{FFFD}[2J\"");
-        assert_eq!(quote(&"ä".repeat(100)).chars().count(), 43);
     }
 }

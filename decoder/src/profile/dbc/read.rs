@@ -7,10 +7,11 @@ use std::sync::Arc;
 use can_dbc::{AttributeValue, Dbc, DbcError, SignalExtendedValueType, ValDescription, ValueDescription};
 use pest::error::InputLocation;
 
-use super::problem::{Problems, quote};
+use super::problem::Problems;
 use super::statement::{Kind, Statements};
 use crate::frame::CanId;
-use crate::profile::object::Names;
+use crate::profile::names::Names;
+use crate::profile::quoted::quote;
 
 /// A signal alone is no DBC; a message around it makes it one.
 const AROUND_SIGNAL: &str = "BO_ 0 M: 8 N\n";

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::profile::data_type::DataType;
 use crate::profile::layout::{BitOrder, Field, SignalId};
 use crate::profile::meaning::{Factor, Indicators, Meaning};
-use crate::profile::object::Names;
+use crate::profile::names::Names;
 
 /// A signal, whichever form of file tells it. Its place is checked.
 #[derive(Debug)]

@@ -4,7 +4,8 @@ use serde::Deserialize;
 
 use super::network::NmtName;
 use crate::profile::layout::PdoName;
-use crate::profile::object::{Numbers, OneOrMany, tables};
+use crate::profile::object::Numbers;
+use crate::profile::one_or_many::{OneOrMany, tables};
 use crate::profile::reference::{BitReference, ObjectRange, Reference};
 
 /// Something that holds or not.

@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::behaviour::PdoField;
+use super::pdo::PdoField;
 use crate::profile::formula::formula;
 use crate::profile::layout::PdoDirection;
 use crate::profile::object::Only;

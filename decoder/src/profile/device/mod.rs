@@ -2,10 +2,13 @@
 //!
 //! `profiles/README.md` shows the format by example.
 
-mod behaviour;
 mod condition;
+mod gate;
 mod j1939;
+mod machine;
 mod network;
+mod pdo;
+mod procedure;
 mod rule;
 mod sample;
 mod uds;
@@ -17,18 +20,18 @@ use std::sync::Arc;
 use serde::Deserialize;
 use toml::Spanned;
 
-pub use behaviour::{
-    EmcyCodes, Fallback, Forced, Gate, Machine, Mapping, Masked, Otherwise, PdoEffect, PdoField, PdoSpec,
-    Procedure, ProcedureStatus, State, StatusCode, StatusCodes, StatusSpec, Step, Transition,
-};
 pub use condition::{
     Condition, Conditions, LssTrigger, MessageTrigger, SetTrigger, Trigger, Triggers, Wanted,
 };
+pub use gate::{Gate, Otherwise};
 pub use j1939::{Direction, J1939Spec, MessageSpec, TroubleCode};
+pub use machine::{EmcyCodes, Forced, Machine, Masked, State, Transition};
 pub use network::{
     AbortText, Area, AtBoot, Boot, Cleared, EmcySpec, ErrorCode, GuardingSpec, HeartbeatSpec, Hint, Identity,
     IdentityChange, Monitoring, NmtName, NmtSpec, Order, OrderName, Sign, VendorField, Words,
 };
+pub use pdo::{Mapping, PdoEffect, PdoField, PdoSpec};
+pub use procedure::{Fallback, Procedure, ProcedureStatus, StatusCode, StatusCodes, StatusSpec, Step};
 pub use rule::{DeviceRule, Per, RuleKind, Severity, Shape, Stretch, Waiver};
 pub use sample::Sample;
 pub use uds::{UdsIdentifier, UdsNrc, UdsSpec};
@@ -38,7 +41,8 @@ use super::compiled;
 use super::dictionary::{Dictionary, Layer, Object};
 use super::imported::Import;
 use super::lookup::emcy_codes;
-use super::object::{BitNames, Names, Only};
+use super::names::{BitNames, Names};
+use super::object::Only;
 use super::position::TextError;
 use crate::wire::canopen::ObjectAddress;
 

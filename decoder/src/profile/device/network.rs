@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
-use crate::profile::object::{OneOrMany, Only};
+use crate::profile::object::Only;
+use crate::profile::one_or_many::OneOrMany;
 use crate::profile::reference::{ObjectRange, Reference};
 use crate::wire::canopen::emcy::ByteOrder;
 use crate::wire::canopen::{NmtState, ObjectAddress};

@@ -28,7 +28,7 @@ pub struct DeviceRule {
     /// Name in kebab-case; printed behind the profile's id.
     pub name: String,
     /// One a channel, or several alike; references move along. With `channel` a state is that of the channel.
-    #[serde(default = "once")]
+    #[serde(default)]
     pub repeat: Repeat,
     /// How bad.
     pub severity: Severity,
@@ -118,10 +118,6 @@ pub struct DeviceRule {
     /// Number of the channel, where there are several.
     #[serde(skip)]
     pub channel: Option<u8>,
-}
-
-const fn once() -> Repeat {
-    ONCE
 }
 
 const fn one_time() -> f64 {

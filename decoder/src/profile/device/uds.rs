@@ -8,7 +8,8 @@ use toml::Spanned;
 use super::network::OrderName;
 use crate::profile::data_type::DataType;
 use crate::profile::meaning::Meaning;
-use crate::profile::object::{Access, Effect, Names, Only, Role};
+use crate::profile::names::Names;
+use crate::profile::object::{Access, Effect, Only, Role};
 use crate::wire::canopen::emcy::ByteOrder;
 
 /// UDS of a device.

@@ -6,10 +6,11 @@ use std::collections::btree_map::{BTreeMap, Entry};
 use super::ini::{Ini, Section};
 use super::number::integer;
 use super::object::{Context, Sections};
-use super::problem::{Problems, quote};
+use super::problem::Problems;
 use super::section::SectionName;
 use super::value::uncommented;
 use super::{DeviceFile, DeviceFileError, DeviceObject, Kind, MOST_ENTRIES};
+use crate::profile::quoted::quote;
 
 /// Sections that list the objects (CiA 306-1 §4.6.2).
 const LISTS: [&str; 3] = ["mandatoryobjects", "optionalobjects", "manufacturerobjects"];

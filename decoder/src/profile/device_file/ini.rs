@@ -6,7 +6,8 @@ use foldhash::fast::RandomState;
 use memchr::memchr2;
 
 use super::LONGEST_VALUE;
-use super::problem::{Problems, quote};
+use super::problem::Problems;
+use crate::profile::quoted::quote;
 
 /// A file, section by section, in its order.
 #[derive(Debug, Default)]

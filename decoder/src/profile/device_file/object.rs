@@ -5,10 +5,11 @@ use std::collections::BTreeMap;
 use super::code::{Access, ObjectType, data_type};
 use super::ini::{Entry, Ini, Section};
 use super::number::integer;
-use super::problem::{Problems, quote};
+use super::problem::Problems;
 use super::value::{Given, Reading, uncommented, uncommented_text};
 use super::{DeviceObject, LONGEST_VALUE};
 use crate::profile::DataType;
+use crate::profile::quoted::quote;
 use crate::wire::canopen::ObjectAddress;
 
 /// Positions of the sections of one index.

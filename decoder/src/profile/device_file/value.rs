@@ -2,8 +2,8 @@
 
 use super::LONGEST_VALUE;
 use super::number::{formula, integer};
-use super::problem::quote;
 use crate::profile::DataType;
+use crate::profile::quoted::quote;
 
 /// A value in a device file.
 #[derive(Debug, Clone, PartialEq)]

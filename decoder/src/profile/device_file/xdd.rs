@@ -8,10 +8,11 @@ use std::collections::HashMap;
 use foldhash::fast::RandomState;
 
 use super::code::element_type;
-use super::problem::{Problems, quote};
+use super::problem::Problems;
 use super::xml::{Attributes, Element, Token, Xml};
 use super::{DeviceFile, DeviceFileError, Kind, LONGEST_VALUE, MOST_ENTRIES, xdd_object};
 use crate::profile::DataType;
+use crate::profile::quoted::quote;
 
 /// A `CANopenObject` or `CANopenSubObject`.
 #[derive(Debug)]

@@ -2,11 +2,12 @@
 
 use super::code::{Access, ObjectType, data_type};
 use super::number::integer;
-use super::problem::{Problems, quote};
+use super::problem::Problems;
 use super::value::{Given, Reading};
 use super::xdd::{Described, Descriptions, RawObject};
 use super::{DeviceObject, LONGEST_VALUE};
 use crate::profile::DataType;
+use crate::profile::quoted::quote;
 use crate::wire::canopen::ObjectAddress;
 
 /// The `CANopenObject` whose `CANopenSubObject`s come.

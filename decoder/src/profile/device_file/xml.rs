@@ -9,7 +9,8 @@ use quick_xml::escape::resolve_xml_entity;
 use quick_xml::events::{BytesRef, BytesStart, Event};
 use quick_xml::reader::Reader;
 
-use super::problem::{Problems, quote};
+use super::problem::Problems;
+use crate::profile::quoted::quote;
 
 /// What comes next.
 #[derive(Debug)]

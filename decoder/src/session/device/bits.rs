@@ -3,8 +3,8 @@
 use super::behaviour::Changed;
 use crate::event::{BitsChanged, EventKind, ModeChange};
 use crate::frame::Frame;
+use crate::profile::BitName;
 use crate::profile::device::Machine;
-use crate::profile::object::BitName;
 use crate::profile::{Device, PdoDirection, PdoName, Role};
 use crate::session::{Bus, Observer};
 use crate::wire::NodeId;

@@ -3,7 +3,8 @@
 use std::fmt::Write as _;
 
 use cobscope_decoder::bus_file::encode;
-use cobscope_decoder::profile::object::{BitName, Effect, Given, Look, Names, Numbers, Scale, Storage, When};
+use cobscope_decoder::profile::object::{Effect, Given, Look, Numbers, Scale, Storage, When};
+use cobscope_decoder::profile::{BitName, Names};
 use cobscope_decoder::profile::{
     DataType, Device, Entry, Found, Known, Meaning, NothingKnown, Object, Resolver, Value,
 };

@@ -26,13 +26,14 @@ pub(super) fn identifier(id: u32) -> Option<String> {
     Some(Block::new(&format!("{id:08X}"), &what).finish())
 }
 
-/// `pgn:65226`, `pgn:0xFECA`; `None` for another text, an empty reading for a number that is none.
+/// `pgn:65226`, `pgn:0xFECA`, `pgn:FECA`; `None` for another text, an empty reading for a number that is none.
 pub(super) fn parameter_group(asked: &Asked, text: &str) -> Option<String> {
     let number = text.strip_prefix("pgn").or_else(|| text.strip_prefix("PGN"))?;
     let number = number.trim_start_matches([':', ' ']);
     let number = match number.strip_prefix("0x") {
         Some(digits) => u32::from_str_radix(digits, 16).ok()?,
-        None => number.parse().ok()?,
+        // Letters tell that it is hexadecimal; without any it would be a guess.
+        None => number.parse().or_else(|_| u32::from_str_radix(number, 16)).ok()?,
     };
     let pgn = Pgn::new(number);
     if pgn.number() != number {

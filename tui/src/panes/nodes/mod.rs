@@ -16,85 +16,31 @@ mod detail;
 mod gates;
 mod line;
 mod node;
+mod order;
 mod others;
 mod values;
+mod wishes;
 
-use cobscope_decoder::profile::{PdoDirection, Role as FieldRole};
 use cobscope_decoder::replay::World;
 use cobscope_decoder::session::{Bus, Node};
 use cobscope_decoder::sink::escape;
-use cobscope_decoder::wire::NodeId;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
 
 use self::line::{Key, Line, Shown};
 use self::node::Subject;
+use self::order::{EFFECT, Order, VALUES, columns};
+use self::wishes::{filter_of, signals, subject, to_events};
 use super::Pane;
-use crate::app::{Action, Core, Effect, NodeKey, PaneId, SignalKey};
+use crate::app::{Action, Core, Effect, PaneId};
 use crate::theme::{Borders, Glyph, Role, Theme};
 use crate::widgets::draw;
-use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};
+use crate::widgets::table::{Cell, Column, Row, Table, TableState};
 use crate::widgets::text_lines::TextLines;
 
-/// Column of whether set points act.
-const EFFECT: usize = 6;
-/// Column of errors.
-const ERRORS: usize = 8;
-/// Column of set points.
-const VALUES: usize = 5;
 /// Lines below the table at least, and how high the pane must be to have them.
 const DETAIL: (u16, u16) = (6, 14);
-/// Columns of the screen set points need before others go.
-const LEAST_VALUES: u16 = 19;
-/// Width from which columns are wider.
-const WIDE: u16 = 124;
-/// Width below which they are narrower.
-const NARROW: u16 = 96;
-
-/// In which order rows stand.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-enum Order {
-    /// By number, the master first.
-    #[default]
-    Number,
-    /// Errors, no effect, silent, others.
-    Worst,
-    /// By name.
-    Name,
-    /// By device.
-    Device,
-}
-
-impl Order {
-    const fn next(self) -> Self {
-        match self {
-            Self::Number => Self::Worst,
-            Self::Worst => Self::Name,
-            Self::Name => Self::Device,
-            Self::Device => Self::Number,
-        }
-    }
-
-    /// Column it is by, and whether descending.
-    const fn column(self) -> Option<(usize, bool)> {
-        match self {
-            Self::Number => None,
-            Self::Worst => Some((ERRORS, true)),
-            Self::Name => Some((1, false)),
-            Self::Device => Some((2, false)),
-        }
-    }
-
-    const fn words(self) -> &'static str {
-        match self {
-            Self::Number => "sorted by number",
-            Self::Worst => "sorted by what is worst: errors, no effect, silent, others",
-            Self::Name => "sorted by name",
-            Self::Device => "sorted by device",
-        }
-    }
-}
 
 /// The table of nodes.
 #[derive(Debug)]
@@ -113,27 +59,6 @@ impl Default for Nodes {
     fn default() -> Self {
         Self { order: Order::default(), key: None, place: 0, column: EFFECT, gates: None }
     }
-}
-
-fn columns(width: u16) -> Vec<Column> {
-    let wide = |narrow, normal, wide| {
-        Width::Fixed(match width {
-            ..NARROW => narrow,
-            WIDE.. => wide,
-            _ => normal,
-        })
-    };
-    vec![
-        Column::new("ID/hex", Width::Fixed(6)).right(),
-        Column::new("Name", wide(8, 8, 14)).priority(8),
-        Column::new("Device", wide(7, 7, 10)).priority(1),
-        Column::new("NMT", Width::Fixed(6)).priority(6),
-        Column::new("State", wide(12, 16, 22)),
-        Column::new("Set → actual", Width::Min(LEAST_VALUES)),
-        Column::new("Eff", Width::Fixed(3)),
-        Column::new("Alive", Width::Fixed(10)),
-        Column::new("Errors", wide(8, 9, 22)),
-    ]
 }
 
 impl Nodes {
@@ -460,53 +385,4 @@ fn split(area: Rect, rows: usize) -> (Rect, Rect) {
 /// Columns of the screen that set points have.
 fn room(columns: &[Column], width: u16) -> u16 {
     Table::width_of(columns, VALUES, width)
-}
-
-fn subject(core: &Core, (index, id): NodeKey) -> Option<Subject<'_>> {
-    let world = core.world()?;
-    let bus = world.buses().iter().find(|bus| bus.index() == index)?;
-    Some(Subject::new(world, bus, bus.node(id)?, core.time()))
-}
-
-/// The filter that shows what is of a node; with its bus where there are several.
-fn filter_of(core: &Core, (index, id): NodeKey) -> String {
-    let node = match id {
-        NodeId::Canopen(id) => format!("node == {id}"),
-        NodeId::J1939(address) => format!("source_address == 0x{address:02X}"),
-    };
-    let buses = core.world().map_or(&[][..], World::buses);
-    match buses.iter().find(|bus| bus.index() == index).filter(|_| buses.len() > 1) {
-        Some(bus) => format!("{node} && bus == {:?}", bus.name()),
-        None => node,
-    }
-}
-
-/// To the events of something; a filter the user has set stays.
-fn to_events(core: &Core, node: Option<NodeKey>, filter: String) -> Vec<Effect> {
-    let mut effects: Vec<Effect> = node.map(Effect::Node).into_iter().collect();
-    effects.push(Effect::Show(PaneId::Events));
-    if core.filter.is_empty() {
-        effects.push(Effect::Say(format!("filter {filter}; c shows all events again")));
-        effects.push(Effect::Filter(filter));
-    }
-    effects
-}
-
-/// Set points and actual values of a row, to be plotted.
-fn signals(core: &Core, key: Key) -> Vec<SignalKey> {
-    let Some(subject) = key.node().and_then(|node| subject(core, node)) else { return Vec::new() };
-    let roles = [(FieldRole::SetPoint, PdoDirection::Receive), (FieldRole::Actual, PdoDirection::Transmit)];
-    let mut signals = Vec::new();
-    for (role, direction) in roles {
-        for (row, place, _) in values::fields(&subject.rows, role, direction) {
-            let Some(layout) = &row.layout else { continue };
-            let meaning = layout.fields.get(place).and_then(|field| field.meaning.as_deref());
-            let Some(meaning) = meaning else { continue };
-            if channel_of(key).is_some() && meaning.channel.is_some() && meaning.channel != channel_of(key) {
-                continue;
-            }
-            signals.extend(SignalKey::new(row.bus, row.id, layout, place));
-        }
-    }
-    signals
 }

@@ -1,0 +1,27 @@
+//! What stands in a file of the user, in messages about it.
+
+/// What stands in the file, for a message: its beginning in quotes, without control characters.
+pub(super) fn quote(text: &str) -> String {
+    const SHOWN: usize = 40;
+    let mut shown: String = text.chars().take(SHOWN).map(printable).collect();
+    if text.chars().nth(SHOWN).is_some() {
+        shown.push('…');
+    }
+    format!("\"{shown}\"")
+}
+
+/// A letter as it may be shown: none that steers a terminal.
+pub(super) fn printable(character: char) -> char {
+    if character.is_control() { char::REPLACEMENT_CHARACTER } else { character }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quoted_text_is_short_and_printable() {
+        assert_eq!(quote("a\x1b[2J"), "\"a\u{FFFD}[2J\"");
+        assert_eq!(quote(&"ä".repeat(100)).chars().count(), 43);
+    }
+}

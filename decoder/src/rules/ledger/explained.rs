@@ -1,0 +1,113 @@
+//! What explains a finding: the groups and kinds of events before it, and at the end those that came late.
+
+use std::sync::Arc;
+
+use super::{Claim, Ledger};
+use crate::finding::{Cause, Group, RuleInfo, Severity};
+use crate::frame::Timestamp;
+use crate::rules::causes::{CauseEntry, Effect, Explained, causes};
+use crate::rules::conformance::Standing;
+
+impl Ledger {
+    /// How bad it is after what explains it, why less than its rule says, and what explains it.
+    pub(super) fn severity(
+        &self,
+        claim: &Claim,
+        opens: bool,
+    ) -> (Severity, Option<String>, Option<Explained>) {
+        let Some(rule) = self.rules.get(usize::from(claim.key.rule)) else {
+            return (Severity::Note, None, None);
+        };
+        let configured = self.setup.severity(&rule.name);
+        let mut severity = configured.unwrap_or(claim.severity.unwrap_or(rule.severity));
+        let mut reason = None;
+        let explained = opens.then(|| self.explanation(rule, claim)).flatten();
+        if let Some(Explained { effect: Effect::Quality, by: Cause::Quality(text) }) = &explained {
+            severity = Severity::Note;
+            reason = Some(format!("{text} may explain it"));
+        }
+        if self.run.standing(&rule.name) == Standing::Beside {
+            severity = Severity::Note;
+            let case = self.run.case().unwrap_or_default();
+            reason.get_or_insert_with(|| format!("within conformance test {case}, which is not about it"));
+        }
+        if claim.is_presumed {
+            severity = severity.lowered();
+            reason.get_or_insert_with(|| "the protocol is presumed only".to_owned());
+        }
+        (severity, reason, explained)
+    }
+
+    /// What explains a finding of this rule.
+    fn explanation(&self, rule: &RuleInfo, claim: &Claim) -> Option<Explained> {
+        if let Some(by) = self.taken_in_by(rule, claim) {
+            return Some(Explained { effect: Effect::Same, by: Cause::Group(by) });
+        }
+        for cause in causes().of(rule) {
+            let from = claim.now.saturating_sub(cause.within);
+            // A rule and a kind of event may have one name (node-lost): the rule is meant.
+            let by = self.rules.iter().position(|known| *known.name == *cause.by);
+            let Some(by) = by.and_then(|by| u16::try_from(by).ok()) else {
+                if self.kinds.get(&(cause.by.as_str(), claim.key.bus)).is_some_and(|seen| *seen >= from) {
+                    let by = Cause::Quality(Arc::clone(&cause.text));
+                    return Some(Explained { effect: cause.effect, by });
+                }
+                continue;
+            };
+            let node = if cause.is_on_node { claim.key.node } else { None };
+            if let Some((place, seen)) = self.latest.get(&(by, claim.key.bus, node))
+                && *seen >= from
+                && let Some(group) = self.groups.get(*place)
+            {
+                return Some(Explained { effect: cause.effect, by: Cause::Group(group.id) });
+            }
+        }
+        None
+    }
+
+    /// Effects may be seen before their cause: those are found at the end, by their first occurrences.
+    pub(super) fn link_late_causes(&mut self) {
+        let mut links = Vec::new();
+        for (place, group) in self.groups.iter().enumerate().filter(|(_, group)| group.cause.is_none()) {
+            let Some(rule) = self.rules.get(usize::from(group.key.rule)) else { continue };
+            if let Some(by) = self.taken_in_late(rule, group) {
+                links.push((place, by, Effect::Same));
+                continue;
+            }
+            for cause in causes().of(rule).filter(|cause| cause.effect != Effect::Quality) {
+                let found = self
+                    .latest_of(&cause.by, group, cause.is_on_node)
+                    .filter(|by| by.id != group.id && explains(by.began().time, group.began().time, cause));
+                if let Some(by) = found {
+                    links.push((place, by.id, cause.effect));
+                    break;
+                }
+            }
+        }
+        for (place, by, effect) in links {
+            if let Some(group) = self.groups.get_mut(place) {
+                group.cause = Some(Cause::Group(by));
+                group.is_absorbed |= effect == Effect::Same;
+            }
+        }
+    }
+
+    fn latest_of(&self, rule: &str, effect: &Group, is_on_node: bool) -> Option<&Group> {
+        let place = self.rules.iter().position(|known| *known.name == *rule)?;
+        let node = if is_on_node { effect.key.node } else { None };
+        let (place, _) = self.latest.get(&(u16::try_from(place).ok()?, effect.key.bus, node))?;
+        self.groups.get(*place)
+    }
+}
+
+/// What is told late, at a deadline, may have begun before what it explains, in nanoseconds.
+const TOLD_LATE: i64 = 500_000_000;
+
+/// Whether a finding that began at `cause` may explain one that began at `effect`.
+fn explains(cause: Option<Timestamp>, effect: Option<Timestamp>, entry: &CauseEntry) -> bool {
+    let (Some(cause), Some(effect)) = (cause, effect) else { return false };
+    let after = effect.since(cause);
+    // The same trouble told twice may be told in either order.
+    let earliest = if entry.effect == Effect::Same { entry.within } else { TOLD_LATE.min(entry.within) };
+    (-earliest..=entry.within).contains(&after)
+}

@@ -1,0 +1,81 @@
+//! Columns of the table of nodes, and in which order its lines stand.
+
+use crate::widgets::table::{Column, Width};
+
+/// Column of whether set points act.
+pub(super) const EFFECT: usize = 6;
+/// Column of errors.
+pub(super) const ERRORS: usize = 8;
+/// Column of set points.
+pub(super) const VALUES: usize = 5;
+/// Columns of the screen set points need before others go.
+pub(super) const LEAST_VALUES: u16 = 19;
+/// Width from which columns are wider.
+pub(super) const WIDE: u16 = 124;
+/// Width below which they are narrower.
+pub(super) const NARROW: u16 = 96;
+
+/// In which order rows stand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) enum Order {
+    /// By number, the master first.
+    #[default]
+    Number,
+    /// Errors, no effect, silent, others.
+    Worst,
+    /// By name.
+    Name,
+    /// By device.
+    Device,
+}
+
+impl Order {
+    pub(super) const fn next(self) -> Self {
+        match self {
+            Self::Number => Self::Worst,
+            Self::Worst => Self::Name,
+            Self::Name => Self::Device,
+            Self::Device => Self::Number,
+        }
+    }
+
+    /// Column it is by, and whether descending.
+    pub(super) const fn column(self) -> Option<(usize, bool)> {
+        match self {
+            Self::Number => None,
+            Self::Worst => Some((ERRORS, true)),
+            Self::Name => Some((1, false)),
+            Self::Device => Some((2, false)),
+        }
+    }
+
+    pub(super) const fn words(self) -> &'static str {
+        match self {
+            Self::Number => "sorted by number",
+            Self::Worst => "sorted by what is worst: errors, no effect, silent, others",
+            Self::Name => "sorted by name",
+            Self::Device => "sorted by device",
+        }
+    }
+}
+
+pub(super) fn columns(width: u16) -> Vec<Column> {
+    let wide = |narrow, normal, wide| {
+        Width::Fixed(match width {
+            ..NARROW => narrow,
+            WIDE.. => wide,
+            _ => normal,
+        })
+    };
+    vec![
+        Column::new("ID/hex", Width::Fixed(6)).right(),
+        Column::new("Name", wide(8, 8, 14)).priority(8),
+        Column::new("Device", wide(7, 7, 10)).priority(1),
+        Column::new("NMT", Width::Fixed(6)).priority(6),
+        Column::new("State", wide(12, 16, 22)),
+        Column::new("Set → actual", Width::Min(LEAST_VALUES)),
+        Column::new("Eff", Width::Fixed(3)),
+        Column::new("Alive", Width::Fixed(10)),
+        Column::new("Errors", wide(8, 9, 22)),
+    ]
+}

@@ -1,0 +1,59 @@
+//! What other panes are asked for: events, signals of a node.
+
+use cobscope_decoder::profile::{PdoDirection, Role as FieldRole};
+use cobscope_decoder::replay::World;
+use cobscope_decoder::wire::NodeId;
+
+use super::line::Key;
+use super::node::Subject;
+use super::{channel_of, values};
+use crate::app::{Core, Effect, NodeKey, PaneId, SignalKey};
+
+pub(super) fn subject(core: &Core, (index, id): NodeKey) -> Option<Subject<'_>> {
+    let world = core.world()?;
+    let bus = world.buses().iter().find(|bus| bus.index() == index)?;
+    Some(Subject::new(world, bus, bus.node(id)?, core.time()))
+}
+
+/// The filter that shows what is of a node; with its bus where there are several.
+pub(super) fn filter_of(core: &Core, (index, id): NodeKey) -> String {
+    let node = match id {
+        NodeId::Canopen(id) => format!("node == {id}"),
+        NodeId::J1939(address) => format!("source_address == 0x{address:02X}"),
+    };
+    let buses = core.world().map_or(&[][..], World::buses);
+    match buses.iter().find(|bus| bus.index() == index).filter(|_| buses.len() > 1) {
+        Some(bus) => format!("{node} && bus == {:?}", bus.name()),
+        None => node,
+    }
+}
+
+/// To the events of something; a filter the user has set stays.
+pub(super) fn to_events(core: &Core, node: Option<NodeKey>, filter: String) -> Vec<Effect> {
+    let mut effects: Vec<Effect> = node.map(Effect::Node).into_iter().collect();
+    effects.push(Effect::Show(PaneId::Events));
+    if core.filter.is_empty() {
+        effects.push(Effect::Say(format!("filter {filter}; c shows all events again")));
+        effects.push(Effect::Filter(filter));
+    }
+    effects
+}
+
+/// Set points and actual values of a row, to be plotted.
+pub(super) fn signals(core: &Core, key: Key) -> Vec<SignalKey> {
+    let Some(subject) = key.node().and_then(|node| subject(core, node)) else { return Vec::new() };
+    let roles = [(FieldRole::SetPoint, PdoDirection::Receive), (FieldRole::Actual, PdoDirection::Transmit)];
+    let mut signals = Vec::new();
+    for (role, direction) in roles {
+        for (row, place, _) in values::fields(&subject.rows, role, direction) {
+            let Some(layout) = &row.layout else { continue };
+            let meaning = layout.fields.get(place).and_then(|field| field.meaning.as_deref());
+            let Some(meaning) = meaning else { continue };
+            if channel_of(key).is_some() && meaning.channel.is_some() && meaning.channel != channel_of(key) {
+                continue;
+            }
+            signals.extend(SignalKey::new(row.bus, row.id, layout, place));
+        }
+    }
+    signals
+}
