@@ -66,6 +66,12 @@ fn anything_else_says_what_is_understood() {
     assert_eq!(run(&["explain", "12345#00"], "").code, 2);
 }
 
+#[test]
+fn a_group_may_be_written_as_its_letters_tell() {
+    let all = ["pgn:65226", "pgn:0xFECA", "pgn:FECA"].map(|thing| run(&["explain", thing], "").stdout);
+    assert!(all[0].contains("FECA") && all.iter().all(|text| *text == all[0]), "{all:?}");
+}
+
 fn by(device: &str, thing: &str) -> String {
     let output = run(&["explain", thing, "--device", device], "");
     assert_eq!(output.code, 0, "{thing}: {}", output.stderr);

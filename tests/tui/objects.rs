@@ -9,6 +9,13 @@ fn the_nodes_that_have_objects() {
 }
 
 #[test]
+fn a_node_that_is_not_there_is_said() {
+    let output = run(&["objects", "--node", "9", "fixtures/canopen/guarding.log"], "");
+    assert_eq!((output.code, output.stdout.as_str()), (0, ""));
+    assert!(output.stderr.contains("guarding.log: node 9/09 is not heard; nodes heard: 1"), "{}", output.stderr);
+}
+
+#[test]
 fn values_with_their_origin() {
     // 100C written as F4 01 = 500 and confirmed by frame 3; 100D as 03, confirmed by frame 5.
     let output = run(&["objects", "--node", "0x01", "fixtures/canopen/guarding.log"], "");

@@ -326,6 +326,24 @@ mod tests {
     }
 
     #[test]
+    fn the_beginning_of_a_line_tells_no_format() {
+        /// Gives a byte at a time.
+        struct Slow<'a>(&'a [u8]);
+        impl Read for Slow<'_> {
+            fn read(&mut self, room: &mut [u8]) -> std::io::Result<usize> {
+                let most = room.len().min(1);
+                self.0.read(&mut room[..most])
+            }
+        }
+        // Without its end the first would be the header of a CSV.
+        for (text, is_known) in [("ID,Data Bytes and more\n", false), ("ID,Data Bytes\n", true), ("ID,Data Bytes", true)] {
+            let options = ReadOptions::default();
+            assert_eq!(Reader::open(text.as_bytes(), &options).is_ok(), is_known, "{text}");
+            assert_eq!(Reader::open(Slow(text.as_bytes()), &options).is_ok(), is_known, "{text} in pieces");
+        }
+    }
+
+    #[test]
     fn a_place_inside_a_container_is_that_of_its_beginning() {
         let bytes: Vec<u8> = (0..6_u8).flat_map(|n| [n; 1_000]).collect();
         let mut reader = Reader::resume(&bytes[..], &start(6_000));
