@@ -12,7 +12,11 @@ fn the_nodes_that_have_objects() {
 fn a_node_that_is_not_there_is_said() {
     let output = run(&["objects", "--node", "9", "fixtures/canopen/guarding.log"], "");
     assert_eq!((output.code, output.stdout.as_str()), (0, ""));
-    assert!(output.stderr.contains("guarding.log: node 9/09 is not heard; nodes heard: 1"), "{}", output.stderr);
+    assert!(
+        output.stderr.contains("guarding.log: node 9/09 is not heard; nodes heard: 1"),
+        "{}",
+        output.stderr
+    );
 }
 
 #[test]

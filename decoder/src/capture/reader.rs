@@ -336,7 +336,9 @@ mod tests {
             }
         }
         // Without its end the first would be the header of a CSV.
-        for (text, is_known) in [("ID,Data Bytes and more\n", false), ("ID,Data Bytes\n", true), ("ID,Data Bytes", true)] {
+        for (text, is_known) in
+            [("ID,Data Bytes and more\n", false), ("ID,Data Bytes\n", true), ("ID,Data Bytes", true)]
+        {
             let options = ReadOptions::default();
             assert_eq!(Reader::open(text.as_bytes(), &options).is_ok(), is_known, "{text}");
             assert_eq!(Reader::open(Slow(text.as_bytes()), &options).is_ok(), is_known, "{text} in pieces");

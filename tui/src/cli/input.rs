@@ -8,36 +8,38 @@ use cobscope_decoder::wire::NodeId;
 
 use crate::select::Bound;
 
+/// Heading of what says how captures are read; a command's own options stand before it.
+const READING: &str = "Reading";
+
 /// How captures are read and understood.
 #[derive(Debug, Args)]
-#[command(next_help_heading = "Reading")]
 pub struct InputArgs {
     /// Captures to read; `-` is standard input
     #[arg(value_name = "CAPTURE")]
     pub captures: Vec<PathBuf>,
     /// What ambiguous time stamps in candump text mean (default: found out from the first 1,000 lines)
-    #[arg(long, value_name = "STYLE")]
+    #[arg(long, help_heading = READING, value_name = "STYLE")]
     pub time: Option<StampStyle>,
     /// What is known of the buses: names of nodes, identifiers, bit rates, object values (TOML)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, help_heading = READING, value_name = "FILE")]
     pub bus: Option<PathBuf>,
     /// What a node is: 2=rexroth-sydfec, can0:5=my-device, at a J1939 address sa:0x80=danfoss-pve-ci (repeatable)
-    #[arg(long, value_name = "[BUS:]ID=PROFILE")]
+    #[arg(long, help_heading = READING, value_name = "[BUS:]ID=PROFILE")]
     pub node: Vec<NodeArg>,
     /// Device file of a node, EDS, DCF, XDD or XDC: 5=pump.eds, can0:5=pump.dcf (repeatable)
-    #[arg(long, value_name = "[BUS:]ID=FILE")]
+    #[arg(long, help_heading = READING, value_name = "[BUS:]ID=FILE")]
     pub eds: Vec<FileArg>,
     /// Signals of messages that no profile knows: a DBC, or the JSON of pretty_j1939 (repeatable, the first counts)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, help_heading = READING, value_name = "FILE")]
     pub dbc: Vec<PathBuf>,
     /// Folder with profiles and device files of your own (repeatable)
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, help_heading = READING, value_name = "DIR")]
     pub profiles: Vec<PathBuf>,
     /// What the traffic is taken for
-    #[arg(long, value_name = "PROTOCOL", default_value = "auto")]
+    #[arg(long, help_heading = READING, value_name = "PROTOCOL", default_value = "auto")]
     pub protocol: Protocol,
     /// Seconds without a further frame after which an SDO transfer counts as unanswered
-    #[arg(long, value_name = "SECONDS", default_value = "1", value_parser = positive_seconds)]
+    #[arg(long, help_heading = READING, value_name = "SECONDS", default_value = "1", value_parser = positive_seconds)]
     pub sdo_timeout: f64,
 }
 
