@@ -146,6 +146,11 @@ impl Decoder {
         self.last_frame
     }
 
+    /// Stamp of the last frame taken, if it had one.
+    pub fn last_time(&self) -> Option<Timestamp> {
+        self.last_time
+    }
+
     /// Lines or records that could not be read.
     pub fn unreadable(&self) -> u64 {
         self.unreadable

@@ -4,6 +4,8 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
+use crate::cli;
+
 fn run(arguments: &[&str], capture: &str) -> Output {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
     let path = root.join("fixtures").join("canopen").join(capture);
@@ -149,4 +151,20 @@ fn a_capture_without_times_has_no_seconds() {
     let text = String::from_utf8(timed.stderr).unwrap();
     assert!(text.contains("has no times; give frames as --from #1234"), "{text}");
     assert_eq!(numbered.status.code(), Some(0), "{}", String::from_utf8_lossy(&numbered.stderr));
+}
+
+#[test]
+fn a_beginning_behind_the_end_is_said() {
+    // 44 frames, the last one at 1700000010.002.
+    for (from, says) in [
+        ("10.1", "guarding.log: --from: it is 10.002 s long"),
+        ("#45", "guarding.log: --from #45: it has 44 frames"),
+        ("2024-01-01T00:00:00Z", "guarding.log: --from: it ends before, at 2023-11-14T22:13:30.002Z"),
+    ] {
+        let output = cli::run(&["decode", "--from", from, "fixtures/canopen/guarding.log"], "");
+        assert_eq!((output.code, output.stdout.as_str()), (0, ""), "{from}");
+        assert!(output.stderr.contains(says), "{from}: {}", output.stderr);
+    }
+    let output = cli::run(&["decode", "--from", "9.5", "fixtures/canopen/guarding.log"], "");
+    assert_eq!((output.code, output.stderr.as_str()), (0, ""));
 }

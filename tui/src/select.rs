@@ -13,6 +13,7 @@ use cobscope_decoder::session::Bus;
 use jiff::tz::TimeZone;
 
 use crate::cli::SelectArgs;
+use crate::figures::seconds;
 
 /// Digits behind the point that a nanosecond needs.
 const NANOSECOND_DIGITS: usize = 9;
@@ -118,6 +119,24 @@ impl Selection {
             [self.from, self.to].iter().flatten().any(|bound| !matches!(bound, Bound::Frame(_)));
         ensure!(first.time.is_some() || !wants_times, "has no times; give frames as --from #1234");
         Ok(())
+    }
+
+    /// What is said of a capture of so many frames that ends before what is asked for begins.
+    pub fn missed(&self, frames: u64, last: Option<Timestamp>) -> Option<String> {
+        match self.from? {
+            Bound::Frame(number) => {
+                (number > frames).then(|| format!("--from #{number}: it has {frames} frames"))
+            }
+            Bound::Moment(moment) => {
+                let last = last.filter(|last| *last < moment)?;
+                let end = jiff::Timestamp::from_nanosecond(last.0.into()).ok()?;
+                Some(format!("--from: it ends before, at {end}"))
+            }
+            Bound::Offset(offset) => {
+                let length = last?.since(self.first?);
+                (length < offset).then(|| format!("--from: it is {} s long", seconds(length)))
+            }
+        }
     }
 
     /// Whether an event is to be printed. It counts by its last frame, and by its own time, which for a

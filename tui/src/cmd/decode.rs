@@ -38,7 +38,11 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
         let mut judging = Judging { engine: engine(&arguments.print, &setup), printer: &mut printer };
         let failure = match decode_capture(path, &arguments.input, &options, &mut judging) {
             Ok(decoded) => {
-                judging.finish(decoded.decoder.buses());
+                let decoder = &decoded.decoder;
+                judging.finish(decoder.buses());
+                if let Some(missed) = printer.missed(decoder.frames(), decoder.last_time()) {
+                    complain(&anyhow::anyhow!("{}: {missed}", path.display()));
+                }
                 decoded.failure
             }
             Err(error) => Some(error),

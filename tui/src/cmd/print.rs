@@ -13,7 +13,7 @@ use cobscope_decoder::capture::{BusNames, Notice};
 use cobscope_decoder::event::{Event, EventKind};
 #[cfg(feature = "mcap")]
 use cobscope_decoder::frame::BusIndex;
-use cobscope_decoder::frame::Frame;
+use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::rules::{Engine, Judge, Setup};
 use cobscope_decoder::session::{Bus, Observer};
 use cobscope_decoder::sink::csv::Csv;
@@ -189,6 +189,11 @@ impl Printer {
             Sink::Parquet(parquet) => parquet.set_capture(Some(name.to_owned())),
             _ => {}
         }
+    }
+
+    /// What is said of a capture of so many frames that ends before what is asked for begins.
+    pub(super) fn missed(&self, frames: u64, last: Option<Timestamp>) -> Option<String> {
+        self.selection.missed(frames, last)
     }
 
     /// Gives what is held back to whoever reads it.
