@@ -38,9 +38,9 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
         let mut judging = Judging { engine: engine(&arguments.print, &setup), printer: &mut printer };
         let failure = match decode_capture(path, &arguments.input, &options, &mut judging) {
             Ok(decoded) => {
-                let decoder = &decoded.decoder;
-                judging.finish(decoder.buses());
-                if let Some(missed) = printer.missed(decoder.frames(), decoder.last_time()) {
+                judging.finish(decoded.decoder.buses());
+                let (frames, last) = (decoded.decoder.frames(), decoded.decoder.last_time());
+                if let Some(missed) = printer.missed(frames, last) {
                     complain(&anyhow::anyhow!("{}: {missed}", path.display()));
                 }
                 decoded.failure
