@@ -28,9 +28,6 @@ pub(in crate::session) struct LssState {
     address: [Option<u32>; 4],
 }
 
-/// Node-ID 255: not configured.
-const UNCONFIGURED: u8 = 255;
-
 /// Configure bit timing parameters (CiA 305 §3.9.3.2).
 const BIT_TIMING: u8 = 0x13;
 
@@ -157,7 +154,8 @@ impl Bus {
             (Content::NodeId(id), true) => self.lss.requested = Some(id),
             (Content::NodeId(id), false) => self.lss.present = Some(id),
             (Content::Result { code: 0, .. }, false) if message.command == 0x11 => {
-                let from = self.lss.present.take().filter(|id| *id != UNCONFIGURED);
+                // One that has none says so (255); other numbers are no node-IDs (CiA 305: 1 to 127, 255).
+                let from = self.lss.present.take().filter(|id| (1..=127).contains(id));
                 let to = self.lss.requested.take().filter(|to| (1..=127).contains(to));
                 self.lss.accepted = to.filter(|to| from != Some(*to)).map(|to| (from, to));
                 if let Some((from, to)) = self.lss.accepted {
