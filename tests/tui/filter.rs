@@ -157,14 +157,18 @@ fn a_capture_without_times_has_no_seconds() {
 fn a_beginning_behind_the_end_is_said() {
     // 44 frames, the last one at 1700000010.002.
     for (from, says) in [
-        ("10.1", "guarding.log: --from: it is 10.002 s long"),
-        ("#45", "guarding.log: --from #45: it has 44 frames"),
-        ("2024-01-01T00:00:00Z", "guarding.log: --from: it ends before, at 2023-11-14T22:13:30.002Z"),
+        ("10.1", "guarding.log: nothing is as late as --from: its last frame is #44 at 10.002 s"),
+        ("#45", "its last frame is #44 at 10.002 s"),
+        ("2024-01-01T00:00:00Z", "its last frame is #44 at 2023-11-14T22:13:30.002Z"),
     ] {
         let output = cli::run(&["decode", "--from", from, "fixtures/canopen/guarding.log"], "");
         assert_eq!((output.code, output.stdout.as_str()), (0, ""), "{from}");
         assert!(output.stderr.contains(says), "{from}: {}", output.stderr);
     }
+    // The clock goes back to 1 s at the end: there were events from 4 s on.
+    let stepped = "(5.0) can0 705#00\n(9.0) can0 705#05\n(6.0) can0 705#05\n";
+    let output = cli::run(&["decode", "--from", "3.5", "--no-findings", "-"], stepped);
+    assert!(!output.stdout.is_empty() && !output.stderr.contains("--from"), "{}", output.stderr);
     let output = cli::run(&["decode", "--from", "9.5", "fixtures/canopen/guarding.log"], "");
     assert_eq!((output.code, output.stderr.as_str()), (0, ""));
 }

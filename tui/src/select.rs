@@ -94,6 +94,8 @@ pub struct Selection {
     to: Option<Bound>,
     capture: Option<String>,
     first: Option<Timestamp>,
+    /// An event was late enough.
+    is_reached: bool,
 }
 
 impl Selection {
@@ -107,6 +109,7 @@ impl Selection {
     pub fn set_capture(&mut self, name: &str) {
         self.capture = Some(name.to_owned());
         self.first = None;
+        self.is_reached = false;
     }
 
     /// The first frame of the capture.
@@ -121,29 +124,24 @@ impl Selection {
         Ok(())
     }
 
-    /// What is said of a capture of so many frames that ends before what is asked for begins.
-    pub fn missed(&self, frames: u64, last: Option<Timestamp>) -> Option<String> {
-        match self.from? {
-            Bound::Frame(number) => {
-                (number > frames).then(|| format!("--from #{number}: it has {frames} frames"))
-            }
-            Bound::Moment(moment) => {
-                let last = last.filter(|last| *last < moment)?;
-                let end = jiff::Timestamp::from_nanosecond(last.0.into()).ok()?;
-                Some(format!("--from: it ends before, at {end}"))
-            }
-            Bound::Offset(offset) => {
-                let length = last?.since(self.first?);
-                (length < offset).then(|| format!("--from: it is {} s long", seconds(length)))
-            }
-        }
+    /// What is said of a capture of which nothing was late enough, whose last frame has this number and stamp.
+    pub fn missed(&self, frame: u64, last: Option<Timestamp>) -> Option<String> {
+        let from = self.from.filter(|_| !self.is_reached)?;
+        let at = match (from, last, self.first) {
+            (Bound::Moment(_), Some(last), _) => jiff::Timestamp::from_nanosecond(last.0.into())
+                .map_or(String::new(), |at| format!(" at {at}")),
+            (_, Some(last), Some(first)) => format!(" at {} s", seconds(last.since(first))),
+            _ => String::new(),
+        };
+        Some(format!("nothing is as late as --from: its last frame is #{frame}{at}"))
     }
 
     /// Whether an event is to be printed. It counts by its last frame, and by its own time, which for a
     /// deadline is the deadline's; what comes before all times only has a beginning.
-    pub fn admits(&self, event: &Event, bus: &Bus) -> bool {
+    pub fn admits(&mut self, event: &Event, bus: &Bus) -> bool {
         let is_late_enough =
             self.from.is_none_or(|from| self.order(event, from).is_some_and(Ordering::is_ge));
+        self.is_reached |= is_late_enough;
         let is_early_enough = self.to.is_none_or(|to| self.order(event, to).is_none_or(Ordering::is_le));
         is_late_enough
             && is_early_enough

@@ -39,8 +39,8 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
         let failure = match decode_capture(path, &arguments.input, &options, &mut judging) {
             Ok(decoded) => {
                 judging.finish(decoded.decoder.buses());
-                let (frames, last) = (decoded.decoder.frames(), decoded.decoder.last_time());
-                if let Some(missed) = printer.missed(frames, last) {
+                let (frame, last) = (decoded.decoder.frames(), decoded.decoder.last_time());
+                if let Some(missed) = printer.missed(frame, last) {
                     complain(&anyhow::anyhow!("{}: {missed}", path.display()));
                 }
                 decoded.failure

@@ -191,9 +191,9 @@ impl Printer {
         }
     }
 
-    /// What is said of a capture of so many frames that ends before what is asked for begins.
-    pub(super) fn missed(&self, frames: u64, last: Option<Timestamp>) -> Option<String> {
-        self.selection.missed(frames, last)
+    /// What is said of a capture of which nothing was late enough, whose last frame has this number and stamp.
+    pub(super) fn missed(&self, frame: u64, last: Option<Timestamp>) -> Option<String> {
+        if matches!(self.sink, Sink::None) { None } else { self.selection.missed(frame, last) }
     }
 
     /// Gives what is held back to whoever reads it.
