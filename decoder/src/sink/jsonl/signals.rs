@@ -63,7 +63,7 @@ impl Signals {
         is_plain.then(|| Self {
             layout: Arc::clone(layout),
             length: usize::from(layout.bits.div_ceil(8)),
-            parts: layout.fields.iter().enumerate().map(|(place, _)| Part::of(layout, place)).collect(),
+            parts: layout.fields.iter().map(|field| Part::of(layout, field)).collect(),
         })
     }
 
@@ -84,25 +84,23 @@ impl Signals {
         line.extend_from_slice(b",\"signals\":[");
         let begin = line.len();
         let word = u64::from_le_bytes(payload);
-        for (place, part) in self.parts.iter_mut().enumerate() {
+        for (part, field) in self.parts.iter_mut().zip(&self.layout.fields) {
             if line.len() != begin {
                 line.push(b',');
             }
-            part.write(&self.layout, place, word, line);
+            part.write(&self.layout, field, word, line);
         }
         line.push(b']');
     }
 }
 
 impl Part {
-    fn of(layout: &Layout, place: usize) -> Self {
-        let field = layout.fields.get(place);
-        Self { number: field.and_then(|field| Number::of(layout, field)), last: None, text: Vec::new() }
+    fn of(layout: &Layout, field: &Field) -> Self {
+        Self { number: Number::of(layout, field), last: None, text: Vec::new() }
     }
 
     #[inline]
-    fn write(&mut self, layout: &Layout, place: usize, word: u64, line: &mut Vec<u8>) {
-        let Some(field) = layout.fields.get(place) else { return };
+    fn write(&mut self, layout: &Layout, field: &Field, word: u64, line: &mut Vec<u8>) {
         if let Some(number) = &self.number
             && number.write(field, word, line)
         {
@@ -122,50 +120,37 @@ impl Number {
     /// `None` of a field whose values are no numbers, or hardly ever are without a name.
     fn of(layout: &Layout, field: &Field) -> Option<Self> {
         let cut = Cut::of(field)?;
-        let meaning = field.meaning.as_deref();
-        let (scale, inside) = match meaning {
+        let (scale, inside) = match field.meaning.as_deref() {
             Some(Meaning { values: Some(_), .. } | Meaning { bits: Some(_), .. }) => return None,
-            Some(meaning) => (Scale::of(meaning)?, meaning.inside()?),
+            Some(meaning) if meaning.scale.is_some() && digits(meaning) > MOST_DIGITS => return None,
+            Some(meaning) => (Scale::of(meaning), meaning.inside()?),
             None => (None, [i64::MIN, i64::MAX]),
         };
-        let mut numbers =
-            Self { cut, scale, inside, before: Vec::new(), between: Vec::new(), behind: Vec::new() };
         // Any value that nothing more is said of shows the parts.
         let [least, most] = inside;
         let raw = (0.clamp(least, most)..=most).take(TRIED).find_map(|number| {
             let raw = number.cast_unsigned() & field.mask();
-            (numbers.is_plain(field, number) && integer(&field.value(raw)) == Some(number)).then_some(raw)
+            (is_plain(field, inside, number) && integer(&field.value(raw)) == Some(number)).then_some(raw)
         })?;
         let mut text = Vec::new();
         general(layout, field, raw, &mut text);
         let (before, rest) = split(&text, b"\"raw\":")?;
         let (between, behind) = split(rest, b"\"value\":")?;
-        numbers.before = before.to_vec();
-        numbers.between = between.get(number_length(between)..)?.to_vec();
-        numbers.behind = behind.get(number_length(behind)..)?.to_vec();
-        Some(numbers)
-    }
-
-    /// Whether nothing but its value is said of a number.
-    #[inline]
-    fn is_plain(&self, field: &Field, number: i64) -> bool {
-        let [least, most] = self.inside;
-        let is_special = || {
-            let meaning = field.meaning.as_deref();
-            meaning.is_some_and(|meaning| {
-                (meaning.special.is_some() || meaning.indicators.is_some())
-                    && meaning.label(&field.value(number.cast_unsigned())).is_some()
-            })
-        };
-        (least..=most).contains(&number) && !is_special()
+        Some(Self {
+            cut,
+            scale,
+            inside,
+            before: before.to_vec(),
+            between: between.get(number_length(between)..)?.to_vec(),
+            behind: behind.get(number_length(behind)..)?.to_vec(),
+        })
     }
 
     /// Appends the signal; `false` leaves it to the general writer.
     #[inline]
     fn write(&self, field: &Field, word: u64, line: &mut Vec<u8>) -> bool {
-        let Some(number) = self.cut.number(word, 8).filter(|number| self.is_plain(field, *number)) else {
-            return false;
-        };
+        let number = self.cut.number(word, 8).filter(|number| is_plain(field, self.inside, *number));
+        let Some(number) = number else { return false };
         let rounded = match &self.scale {
             Some(scale) => match scale.rounded(number) {
                 Some(rounded) => rounded,
@@ -186,18 +171,11 @@ impl Number {
 }
 
 impl Scale {
-    /// The scale of a meaning, if it has one; `None` with more digits than are written here.
-    #[expect(clippy::option_option, reason = "no scale is an answer")]
-    fn of(meaning: &Meaning) -> Option<Option<Self>> {
-        let Some(factor) = meaning.scale else { return Some(None) };
+    /// The scale of a meaning, if it has one.
+    fn of(meaning: &Meaning) -> Option<Self> {
         let digits = digits(meaning);
         let unit = 10_f64.powi(i32::from(digits));
-        (digits <= MOST_DIGITS).then_some(Some(Self {
-            factor: factor.factor,
-            offset: factor.offset,
-            digits,
-            unit,
-        }))
+        meaning.scale.map(|scale| Self { factor: scale.factor, offset: scale.offset, digits, unit })
     }
 
     /// The quantity in units of its last digit.
@@ -207,6 +185,16 @@ impl Scale {
         let shifted = (number as f64 * self.factor + self.offset) * self.unit;
         (shifted.abs() < UNROUNDED).then(|| shifted.round() as i64)
     }
+}
+
+/// Whether nothing but its value is said of a number.
+#[inline]
+fn is_plain(field: &Field, [least, most]: [i64; 2], number: i64) -> bool {
+    let is_special = |meaning: &Meaning| {
+        (meaning.special.is_some() || meaning.indicators.is_some())
+            && meaning.label(&field.value(number.cast_unsigned())).is_some()
+    };
+    (least..=most).contains(&number) && !field.meaning.as_deref().is_some_and(is_special)
 }
 
 /// Writes one signal as any sink gets it.
