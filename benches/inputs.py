@@ -1,4 +1,4 @@
-"""The captures that are measured: generated, the same in every run."""
+"""The captures that are measured, and a database of their messages: generated, the same in every run."""
 
 import gzip
 import os
@@ -19,6 +19,31 @@ GENERATED = {
     "10M.log": ["--frames", "10000000"],
 }
 
+# The PDOs of each node of that machine, and its heartbeat: base of the identifier, length, signals as
+# (name, first bit, bits, signed).
+MESSAGES = {
+    "TPDO1": (0x180, 8, [("status", 0, 16, False), ("position", 16, 32, True), ("velocity", 48, 16, True)]),
+    "TPDO2": (0x280, 4, [("torque", 0, 16, True), ("inputs", 16, 16, False)]),
+    "TPDO3": (0x380, 4, [("temperature", 0, 16, False), ("voltage", 16, 16, False)]),
+    "TPDO4": (0x480, 8, [("inputs", 0, 32, False), ("temperature", 32, 16, False), ("limits", 48, 16, False)]),
+    "RPDO1": (0x200, 6, [("control", 0, 16, False), ("target_position", 16, 32, True)]),
+    "RPDO2": (0x300, 4, [("target_velocity", 0, 32, True)]),
+    "heartbeat": (0x700, 1, [("state", 0, 7, False)]),
+}
+
+
+def database():
+    """Those messages as DBC."""
+    lines = ['VERSION ""', "NS_ :", "BS_:", "BU_: machine"]
+    for node in range(1, 9):
+        for name, (base, length, signals) in MESSAGES.items():
+            lines.append(f"BO_ {base + node} {name}_{node}: {length} machine")
+            lines += [
+                f' SG_ {signal} : {first}|{bits}@1{"-" if signed else "+"} (1,0) [0|0] "" machine'
+                for signal, first, bits, signed in signals
+            ]
+    return "\n".join(lines) + "\n"
+
 
 def generate(root, folder):
     """Makes what is not there yet; 700 MB in all."""
@@ -27,6 +52,7 @@ def generate(root, folder):
     for name, options in GENERATED.items():
         write(os.path.join(folder, name), lambda out, options=options: subprocess.run(
             [program, *options], stdout=out, stderr=subprocess.DEVNULL, check=True))
+    write(os.path.join(folder, "machine.dbc"), lambda out: out.write(database().encode()))
     plain = os.path.join(folder, "normal.log")
     write(plain + ".gz", lambda out: out.write(gzip.compress(open(plain, "rb").read(), 6, mtime=0)))
     write(plain + ".zst", lambda out: subprocess.run(["zstd", "-q", "-c", plain], stdout=out, check=True))

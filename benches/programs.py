@@ -21,6 +21,16 @@ for message in can.LogReader(sys.argv[1]):
         network.notify(message.arbitration_id, bytearray(message.data), message.timestamp)
 """
 
+CANTOOLS = """
+import can, cantools, sys
+database = cantools.database.load_file(sys.argv[2])
+known = {message.frame_id: message for message in database.messages}
+for message in can.LogReader(sys.argv[1]):
+    layout = known.get(message.arbitration_id)
+    if layout and not (message.is_error_frame or message.is_remote_frame):
+        layout.decode(message.data, allow_truncated=True)
+"""
+
 
 @dataclass
 class Program:
@@ -34,8 +44,8 @@ class Program:
     memory: float = 0.0
 
 
-def ours(root):
-    """Commands of cobscope."""
+def ours(root, folder):
+    """Commands of cobscope; the inputs lie in this folder."""
     program = os.path.join(root, "target", "release", "cobscope")
 
     def decode(name, capture, *options, **more):
@@ -58,6 +68,7 @@ def ours(root):
         decode("devices with four profiles, -f jsonl", "devices.log", "-f", "jsonl", *DEVICES),
         Program("devices with four profiles, check", "devices.log", [program, "check", "--fail-on", "never", *DEVICES]),
         decode("known mappings, -f jsonl", "mapped.log", "-f", "jsonl"),
+        decode("signals of a DBC, -f jsonl", "normal.log", "-f", "jsonl", "--dbc", os.path.join(folder, "machine.dbc")),
         decode("fault storm, -f none", "storm.log", "-f", "none"),
         decode("gzip, -f none", "normal.log.gz", "-f", "none"),
         decode("zstd, -f none", "normal.log.zst", "-f", "none"),
@@ -73,8 +84,8 @@ def ours(root):
     return rows
 
 
-def peers():
-    """Other programs, and a word for each that is not there."""
+def peers(folder):
+    """Other programs, and a word for each that is not there; the inputs lie in this folder."""
     lens = os.path.join(os.path.dirname(sys.executable), "canopen-lens")
     python = [sys.executable, "-c"]
     rows = [
@@ -90,6 +101,8 @@ def peers():
         Program("can-utils: log2asc", "normal.log", ["log2asc", "-I", "{capture}", "can0"]),
         Program("python-can: frames only", "100k.log", [*python, PYTHON_CAN, "{capture}"], frames=100_000),
         Program("python-can and canopen", "100k.log", [*python, CANOPEN, "{capture}"], frames=100_000),
+        Program("python-can and cantools: signals", "100k.log",
+                [*python, CANTOOLS, "{capture}", os.path.join(folder, "machine.dbc")], frames=100_000),
     ]
     missing = [row for row in rows if shutil.which(row.command[0]) is None]
     return [row for row in rows if row not in missing], [row.name for row in missing]
