@@ -2,20 +2,20 @@
 //!
 //! Samples are run by `samples.rs`, which knows the decoder.
 
+mod behaviour;
+mod objects;
 mod rules;
 mod uds;
 
-use std::collections::BTreeSet;
 use std::ops::Range;
 
 use super::authored::Wrong;
 use super::data_type::DataType;
-use super::device::{Condition, Device, Machine, MessageSpec, PdoField, ProfileFile, Trigger, Wanted};
-use super::dictionary::{Dictionary, Entry, Object};
+use super::device::{Device, MessageSpec, PdoField, ProfileFile};
+use super::dictionary::Object;
 use super::formula::formula;
 use super::layout::PdoName;
-use super::names::{BitNames, Names};
-use super::object::{Given, Look, Only, Role, Scale, When};
+use super::object::Only;
 use super::position::TextError;
 use super::reference::Reference;
 use crate::wire::canopen::ObjectAddress;
@@ -31,9 +31,6 @@ const LAST_PGN: u32 = 0x3_FFFF;
 
 /// Most entries of a profile, repeats counted: more than four times what CiA 301 describes.
 const MOST_ENTRIES: usize = 1 << 20;
-
-/// Most machines, gates, procedures or rules of a device, repeats counted.
-const MOST_REPEATS: usize = 512;
 
 /// Everything wrong with one variant of a device; `text` is the profile's.
 pub fn check(text: &str, file: &ProfileFile, device: &Device) -> Vec<TextError> {
@@ -76,142 +73,6 @@ impl Check<'_> {
         }
     }
 
-    fn objects(&mut self, objects: &[Object]) {
-        for object in objects {
-            self.only(&object.only, &object.span);
-            for entry in &object.entries {
-                self.only(&entry.only, &entry.span);
-                self.entry(object, entry);
-            }
-        }
-    }
-
-    fn entry(&mut self, object: &Object, entry: &Entry) {
-        let Some(data_type) = entry.data_type else {
-            let plain = entry.look == Look { name: entry.look.name.clone(), ..Look::default() };
-            if !plain || entry.default.is_some() {
-                self.say(&entry.span, "a value that is described needs its type");
-            }
-            return;
-        };
-        self.look(object, entry, &entry.look, data_type);
-        for (when, look) in &entry.modes {
-            self.look(object, entry, look, data_type);
-            self.when(object, entry, when);
-        }
-        if let Some(Given::Number(default)) = entry.default {
-            self.number(default, data_type, "default", &entry.span);
-            if let Some([least, most]) = entry.look.range
-                && !(least..=most).contains(&default)
-            {
-                self.say(&entry.span, format!("default {default} lies outside range {least} to {most}"));
-            }
-        }
-        if let Some(Given::Text(text)) = &entry.default
-            && data_type.is_integer()
-        {
-            self.formula(text, data_type, &entry.span);
-        }
-        if let Some(save) = entry.save {
-            self.known(save, &entry.span, "save");
-        }
-        self.open_loop(entry, data_type);
-    }
-
-    fn open_loop(&mut self, entry: &Entry, data_type: DataType) {
-        if !entry.open_loop.is_empty() && entry.look.role != Some(Role::Mode) {
-            self.say(&entry.span, "open_loop stands at a mode: role = \"mode\"");
-        }
-        for value in &entry.open_loop {
-            self.number(*value, data_type, "open_loop", &entry.span);
-            if entry.look.values.as_ref().is_some_and(|names| names.get(*value).is_none()) {
-                self.say(&entry.span, format!("open_loop {value} is none of its values"));
-            }
-        }
-    }
-
-    /// A default that depends on the node-ID; that of node 127 is the largest.
-    fn formula(&mut self, text: &str, data_type: DataType, span: &Range<usize>) {
-        let bits = u32::from(data_type.bits().unwrap_or(64));
-        match formula(text, Some(127)) {
-            None => self.say(span, format!("default '{text}' is no number: write 5 or \"$NODEID+0x200\"")),
-            Some(most) if most > u64::MAX >> (64 - bits) => {
-                self.say(span, format!("default {text} does not fit {}", data_type.name()));
-            }
-            Some(_) => {}
-        }
-    }
-
-    fn look(&mut self, object: &Object, entry: &Entry, look: &Look, data_type: DataType) {
-        let span = &entry.span;
-        if let Some([least, most]) = look.range {
-            self.number(least, data_type, "range", span);
-            self.number(most, data_type, "range", span);
-            if least > most {
-                self.say(span, format!("range {least} to {most} ends before it begins"));
-            }
-        }
-        if let Some([least, most]) = look.limits
-            && least > most
-        {
-            self.say(span, format!("limits {least} to {most} end before they begin"));
-        }
-        for (key, names) in [("values", &look.values), ("special", &look.special)] {
-            self.names(names.as_deref(), data_type, key, span);
-        }
-        if let Some(bits) = &look.bits {
-            self.bits(bits, data_type, span);
-        }
-        match look.scale {
-            Some(Scale::Factor(0.0)) => self.say(span, "scale is 0"),
-            Some(Scale::Anchor { raw, value }) if raw == 0.0 || value == 0.0 => {
-                self.say(span, "raw and value of a scale are not 0");
-            }
-            Some(Scale::ByObject { object: by, .. }) => self.reference(by, object, span, "scale"),
-            _ => {}
-        }
-        if let Some(of) = look.of {
-            self.reference(of, object, span, "of");
-        }
-    }
-
-    fn when(&mut self, object: &Object, entry: &Entry, when: &When) {
-        self.reference(when.object, object, &entry.span, "when");
-    }
-
-    fn number(&mut self, number: i64, data_type: DataType, key: &str, span: &Range<usize>) {
-        if !fits(number, data_type) {
-            self.say(span, format!("{key} {number} does not fit {}", data_type.name()));
-        }
-    }
-
-    fn names(&mut self, names: Option<&Names>, data_type: DataType, key: &str, span: &Range<usize>) {
-        for value in names.into_iter().flat_map(|names| names.0.keys()) {
-            self.number(*value, data_type, key, span);
-        }
-    }
-
-    fn bits(&mut self, bits: &BitNames, data_type: DataType, span: &Range<usize>) {
-        let width = u32::from(data_type.bits().unwrap_or(64));
-        let mut taken: u64 = 0;
-        for bit in &bits.list {
-            let end = u32::from(bit.bit) + u32::from(bit.width);
-            if bit.width == 0 || end > width {
-                let name = data_type.name();
-                self.say(span, format!("bits {} to {} do not fit {name}", bit.bit, end.saturating_sub(1)));
-                continue;
-            }
-            let mask = (u64::MAX >> (64 - u32::from(bit.width))) << bit.bit;
-            if taken & mask != 0 {
-                self.say(span, format!("bit {} is named twice", (taken & mask).trailing_zeros()));
-            }
-            if bit.name.is_empty() && !bit.reserved {
-                self.say(span, format!("bit {} needs a name, or reserved = true", bit.bit));
-            }
-            taken |= mask;
-        }
-    }
-
     /// A reference in a repeated object must lead to a described object in each repeat.
     fn reference(&mut self, reference: Reference, object: &Object, span: &Range<usize>, key: &str) {
         for nth in 0..object.repeat.count {
@@ -229,34 +90,6 @@ impl Check<'_> {
     fn known(&mut self, reference: Reference, span: &Range<usize>, key: &str) {
         if !self.is_known(reference.object) {
             self.say(span, format!("{key}: {} is no object of this profile", reference.object));
-        }
-    }
-
-    fn duplicates(&mut self, objects: &[Object]) {
-        let mut seen = BTreeSet::new();
-        for object in objects {
-            for nth in 0..object.repeat.count {
-                let index = object.index.wrapping_add(nth.wrapping_mul(object.repeat.stride));
-                for entry in &object.entries {
-                    for sub in entry.sub..=entry.to {
-                        if !seen.insert((index, sub)) {
-                            let address = ObjectAddress::new(index, sub);
-                            self.say(&entry.span, format!("{address} is described twice"));
-                        }
-                    }
-                }
-            }
-        }
-    }
-
-    fn cycles(&mut self, objects: &[Object]) {
-        for object in objects {
-            for entry in &object.entries {
-                let start = ObjectAddress::new(object.index, entry.sub);
-                if leads_back(&self.device.dictionary, start) {
-                    self.say(&entry.span, format!("the scale of {start} depends on itself"));
-                }
-            }
         }
     }
 
@@ -319,136 +152,6 @@ impl Check<'_> {
             );
         }
     }
-
-    /// Machines, gates, procedures and rules are kept one by one.
-    fn repeats(&mut self) {
-        let places = &self.device.places;
-        let lists = [&places.machines, &places.gates, &places.procedures, &places.rules];
-        for span in lists.into_iter().filter_map(|list| list.get(MOST_REPEATS).cloned()) {
-            self.say(
-                &span,
-                format!("machines, gates, procedures and rules repeat {MOST_REPEATS} times in all at most"),
-            );
-        }
-    }
-
-    fn behaviour(&mut self) {
-        self.repeats();
-        let device = self.device;
-        for (machine, span) in device.machines.iter().zip(&device.places.machines) {
-            self.machine(machine, span);
-        }
-        for (gate, span) in device.gates.iter().zip(&device.places.gates) {
-            gate.of.iter().chain(&gate.closes).for_each(|of| self.known(*of, span, "for"));
-            gate.open.0.iter().for_each(|open| self.condition(open, span));
-        }
-        for (procedure, span) in device.procedures.iter().zip(&device.places.procedures) {
-            procedure.triggers().for_each(|trigger| self.trigger(trigger, span));
-            if let Some(status) = &procedure.status {
-                self.known(status.object, span, "status");
-                if !device.codes.contains_key(&status.codes) {
-                    self.say(span, format!("there is no table [codes.{}]", status.codes));
-                }
-            }
-            procedure.needs.iter().for_each(|need| self.condition(need, span));
-        }
-    }
-
-    fn machine(&mut self, machine: &Machine, span: &Range<usize>) {
-        self.known(machine.status.object, span, "status");
-        self.known(machine.control.object, span, "control");
-        let named = |name: &String| machine.states.iter().any(|state| state.name == *name);
-        let transitions = machine.transitions.iter().flat_map(|it| it.from.0.iter().chain([&it.to]));
-        let forced = machine.forced.iter().flat_map(|it| it.from.0.iter().chain([&it.to]));
-        let unknown: Vec<_> = transitions.chain(forced).filter(|name| !named(name)).cloned().collect();
-        for name in unknown {
-            self.say(span, format!("machine {} has no state '{name}'", machine.name));
-        }
-    }
-
-    fn condition(&mut self, condition: &Condition, span: &Range<usize>) {
-        match condition {
-            Condition::Object { object, .. } | Condition::Inside { object, .. } => {
-                self.known(*object, span, "condition");
-            }
-            Condition::Other(all) => all.0.iter().for_each(|one| self.condition(one, span)),
-            Condition::State(states) => self.states(states, span),
-            _ => {}
-        }
-    }
-
-    fn trigger(&mut self, trigger: &Trigger, span: &Range<usize>) {
-        match trigger {
-            Trigger::Write(object, wanted) | Trigger::Read(object, wanted) => {
-                self.known(*object, span, "trigger");
-                let data_type = self.device.dictionary.data_type(object.object);
-                if let (Some(Wanted::Text(text)), Some(known)) = (wanted, data_type.and_then(DataType::bits))
-                    && text.len() * 8 != usize::from(known)
-                {
-                    self.say(span, format!("'{text}' does not fit {}", object.object));
-                }
-            }
-            Trigger::Bit(bit, _) => self.known(bit.object, span, "bit"),
-            Trigger::State(states) => self.states(states, span),
-            Trigger::Message(message) => {
-                if !self.device.messages.iter().any(|spec| spec.name == message.name) {
-                    self.say(span, format!("there is no message '{}'", message.name));
-                }
-                message.when.0.iter().for_each(|when| self.condition(when, span));
-            }
-            Trigger::Dtc(Some((parameter, fmi))) if self.device.dtc(*parameter, *fmi).is_none() => {
-                self.say(span, format!("there is no fault {parameter}/{fmi}"));
-            }
-            _ => {}
-        }
-    }
-
-    fn states(&mut self, states: &[String], span: &Range<usize>) {
-        let named = |name: &String| {
-            self.device.machines.iter().any(|machine| machine.states.iter().any(|state| state.name == *name))
-        };
-        let unknown: Vec<_> = states.iter().filter(|name| !named(name)).cloned().collect();
-        for name in unknown {
-            self.say(span, format!("no machine has a state '{name}'"));
-        }
-    }
-}
-
-/// Whether a raw number fits a type; types that hold no integer take any.
-fn fits(number: i64, data_type: DataType) -> bool {
-    let Some(bits) = data_type.bits() else { return false };
-    let number = i128::from(number);
-    match data_type {
-        DataType::Real32 | DataType::Real64 => true,
-        _ if data_type.is_signed() => {
-            let limit = 1_i128 << (bits - 1);
-            (-limit..limit).contains(&number)
-        }
-        _ => (0..1_i128 << bits).contains(&number),
-    }
-}
-
-/// Whether scales lead from an object back to it.
-fn leads_back(dictionary: &Dictionary, start: ObjectAddress) -> bool {
-    let mut open = vec![start];
-    let mut seen = Vec::new();
-    while let Some(address) = open.pop() {
-        let Some(found) = dictionary.find(address) else { continue };
-        let Some(entry) = found.entry else { continue };
-        let looks = std::iter::once(&entry.look).chain(entry.modes.iter().map(|(_, look)| look));
-        for look in looks {
-            let Some(Scale::ByObject { object, .. }) = look.scale else { continue };
-            let next = found.shifted(object);
-            if next == start {
-                return true;
-            }
-            if !seen.contains(&next) {
-                seen.push(next);
-                open.push(next);
-            }
-        }
-    }
-    false
 }
 
 #[cfg(test)]

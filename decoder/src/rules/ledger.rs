@@ -1,6 +1,7 @@
 //! Where findings are kept while a capture is judged: groups, tallies, what explains what.
 
 mod explained;
+mod judged;
 mod taken;
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
@@ -14,8 +15,7 @@ use super::conformance::{Run, Standing};
 use super::setup::Setup;
 use crate::event::{FindingNews, FrameRange};
 use crate::finding::{
-    About, Cause, Findings, GROUP_LIMIT, Group, KEPT_OCCURRENCES, Key, Occurrence, RuleInfo, Severity, Tally,
-    Verdict,
+    About, Cause, GROUP_LIMIT, Group, KEPT_OCCURRENCES, Key, Occurrence, RuleInfo, Severity, Tally,
 };
 use crate::frame::{BusIndex, Timestamp};
 use crate::session::Bus;
@@ -127,18 +127,6 @@ impl Ledger {
     pub(super) fn unexercised(&mut self, rule: u16, why: String) {
         if !self.unexercised.iter().any(|(known, _)| *known == rule) {
             self.unexercised.push((rule, why));
-        }
-    }
-
-    /// What is said of rules that had nothing to judge.
-    fn say_unexercised(&self, quality: &mut Vec<String>) {
-        for (rule, why) in &self.unexercised {
-            let place = usize::from(*rule);
-            if let (Some(info), Some(tally)) = (self.rules.get(place), self.tallies.get(place))
-                && tally.verdict() == Verdict::NotExercised
-            {
-                quality.push(format!("{} is not exercised: {why}", info.name));
-            }
         }
     }
 
@@ -370,43 +358,6 @@ impl Ledger {
             source: rule.source.clone(),
         };
         Some((group, news))
-    }
-
-    /// Everything judged; of rules that judge times nothing where `is_timed` says so.
-    pub(super) fn into_findings(mut self, is_timed: bool, mut quality: Vec<String>) -> Findings {
-        self.link_late_causes();
-        self.say_unexercised(&mut quality);
-        if !is_timed {
-            let judges_time =
-                |rule: u16| self.rules.get(usize::from(rule)).is_some_and(|rule| rule.is_timing);
-            self.groups.retain(|group| !judges_time(group.key.rule));
-            for (tally, rule) in self.tallies.iter_mut().zip(&self.rules) {
-                if rule.is_timing {
-                    *tally = Tally::default();
-                    for case in &rule.cases {
-                        self.cases.remove(case);
-                    }
-                }
-            }
-        }
-        let mut cases = std::mem::take(&mut self.cases);
-        for (rule, tally) in self.rules.iter().zip(&self.tallies).filter(|(rule, _)| !rule.tells_cases) {
-            for case in &rule.cases {
-                cases.entry(Arc::clone(case)).or_default().add(*tally);
-            }
-        }
-        let suppressions = self.setup.uses(&self.groups);
-        let conformance = self.run.into_verdicts(is_timed, &self.rules);
-        Findings {
-            rules: self.rules,
-            tallies: self.tallies,
-            cases,
-            groups: self.groups,
-            ungrouped: self.ungrouped,
-            quality,
-            suppressions,
-            conformance,
-        }
     }
 }
 

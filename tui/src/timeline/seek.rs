@@ -6,15 +6,18 @@
 //!
 //! Marks of its own, closer together, make going on nearby cheap.
 
+mod search;
+
 use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError};
 use std::sync::{Arc, PoisonError};
 use std::time::Duration;
 
 use cobscope_decoder::capture::CaptureError;
-use cobscope_decoder::frame::{Frame, Timestamp};
-use cobscope_decoder::replay::{Mark, Spot, Told, World};
+use cobscope_decoder::frame::Frame;
+use cobscope_decoder::replay::{Mark, Spot, Told};
 
+use super::order::{Order, Target, Window};
 use super::shared::Shared;
 use super::walk::Walk;
 use super::{Matcher, Matches, News, Row};
@@ -34,64 +37,6 @@ const FIRST_SPAN: u64 = 512;
 /// Frames over which an exchange may stretch for its own to be looked for, and most of them.
 const MOST_SPAN: u64 = 4_096;
 const MOST_FRAMES: usize = 512;
-
-/// A place to go to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Target {
-    /// An event.
-    Spot(Spot),
-    /// Behind all events up to a time.
-    Time(Timestamp),
-    /// Behind the last event there is.
-    End,
-}
-
-/// What is wanted of a place.
-#[derive(Debug, Clone)]
-pub struct Order {
-    /// Comes back with the answer.
-    pub serial: u64,
-    /// Where to.
-    pub target: Target,
-    /// Rows wanted up to the place.
-    pub before: usize,
-    /// Rows wanted behind it.
-    pub after: usize,
-    /// Which rows.
-    pub matcher: Matcher,
-    /// Go on to the next row with this text, or back to the last one before.
-    pub search: Option<Search>,
-}
-
-/// A search from a place on.
-#[derive(Debug, Clone)]
-pub struct Search {
-    /// What a row must be like, besides the order's matcher.
-    pub matcher: Matcher,
-    /// Towards the beginning.
-    pub is_backward: bool,
-}
-
-/// What is at a place.
-#[derive(Clone)]
-pub struct Window {
-    /// The order's.
-    pub serial: u64,
-    /// Rows around the place, in order.
-    pub rows: Vec<Row>,
-    /// The last row up to the place; the first one where all are behind it.
-    pub selected: usize,
-    /// The place, as an event's.
-    pub spot: Spot,
-    /// What is known there.
-    pub world: Arc<World>,
-    /// Frames of the exchange that is selected, as far as they are few and close together.
-    pub frames: Vec<Frame>,
-    /// The place lies behind what is indexed: this is as far as it goes by now.
-    pub is_pending: bool,
-    /// A search found nothing.
-    pub is_missed: bool,
-}
 
 /// Answers orders until nobody can give any; of several that wait the last one counts.
 pub(super) fn run(shared: &Arc<Shared>, orders: &Receiver<Order>, news: &Sender<News>) {
@@ -377,65 +322,6 @@ impl Seeker {
             }
         }
         Ok(())
-    }
-
-    /// The next place a search meets: `Some(None)` if there is none.
-    fn search(
-        &mut self,
-        order: &Order,
-        search: &Search,
-        from: Spot,
-        frames: u64,
-        is_stale: &mut impl FnMut() -> bool,
-    ) -> Answer<Option<Spot>> {
-        let mut span = FIRST_SPAN;
-        loop {
-            let start = if search.is_backward { from.frame.saturating_sub(span) } else { from.frame };
-            let start = start.saturating_sub(1);
-            let Some(walk) = self.walk_to(start, is_stale)? else { return Ok(None) };
-            let Some(met) = self.search_from(walk, order, search, from, frames, is_stale)? else {
-                return Ok(None);
-            };
-            if met.is_some() || !search.is_backward || start == 0 {
-                return Ok(Some(met));
-            }
-            span = span.saturating_mul(8);
-        }
-    }
-
-    /// The first hit behind `from`, or the last one before it behind the walk.
-    fn search_from(
-        &mut self,
-        mut walk: Walk,
-        order: &Order,
-        search: &Search,
-        from: Spot,
-        frames: u64,
-        is_stale: &mut impl FnMut() -> bool,
-    ) -> Answer<Option<Spot>> {
-        let mut met = None;
-        let mut next = walk.world.frames() + NEAR;
-        while self.is_whole() || walk.world.frames() < frames {
-            let mut see = |told: Told<'_>| {
-                let is_beyond =
-                    if search.is_backward { told.spot < from } else { told.spot > from && met.is_none() };
-                if is_beyond && order.matcher.takes(&told) && search.matcher.takes(&told) {
-                    met = Some(told.spot);
-                }
-            };
-            let more = walk.step(&mut see)?;
-            let is_over = if search.is_backward { walk.world.frames() > from.frame } else { met.is_some() };
-            if !more || is_over {
-                break;
-            }
-            if walk.world.frames() >= next {
-                next = walk.world.frames() + NEAR;
-                if is_stale() {
-                    return Ok(None);
-                }
-            }
-        }
-        Ok(Some(met))
     }
 }
 

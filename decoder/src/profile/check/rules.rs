@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-use super::{Check, fits};
+use super::Check;
+use super::objects::fits;
 use crate::profile::device::{Condition, DeviceRule, RuleKind, Trigger};
 use crate::profile::lookup::lss;
 use crate::profile::object::Numbers;

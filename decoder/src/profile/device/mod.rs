@@ -3,6 +3,7 @@
 //! `profiles/README.md` shows the format by example.
 
 mod condition;
+mod file;
 mod gate;
 mod j1939;
 mod machine;
@@ -15,14 +16,13 @@ mod uds;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::Arc;
 
 use serde::Deserialize;
-use toml::Spanned;
 
 pub use condition::{
     Condition, Conditions, LssTrigger, MessageTrigger, SetTrigger, Trigger, Triggers, Wanted,
 };
+pub use file::ProfileFile;
 pub use gate::{Gate, Otherwise};
 pub use j1939::{Direction, J1939Spec, MessageSpec, TroubleCode};
 pub use machine::{EmcyCodes, Forced, Machine, Masked, State, Transition};
@@ -36,54 +36,10 @@ pub use rule::{DeviceRule, Per, RuleKind, Severity, Shape, Stretch, Waiver};
 pub use sample::Sample;
 pub use uds::{UdsIdentifier, UdsNrc, UdsSpec};
 
-use super::authored::{self, Authored, Tables, Wrong};
-use super::compiled;
-use super::dictionary::{Dictionary, Layer, Object};
+use super::dictionary::{Dictionary, Object};
 use super::imported::Import;
 use super::lookup::emcy_codes;
-use super::names::{BitNames, Names};
-use super::object::Only;
-use super::position::TextError;
 use crate::wire::canopen::ObjectAddress;
-
-/// Copies of a repeated machine, gate, procedure or rule that are made; `check` wants fewer in all.
-const MOST_COPIES: u16 = 1024;
-
-/// A profile as its file says it.
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-struct File {
-    id: String,
-    title: String,
-    vendor: String,
-    description: String,
-    source: String,
-    note: String,
-    extends: Vec<Spanned<String>>,
-    variant: Vec<Variant>,
-    identity: Vec<Identity>,
-    hint: Vec<Hint>,
-    object: Vec<Spanned<Authored>>,
-    values: BTreeMap<String, Names>,
-    bits: BTreeMap<String, BitNames>,
-    codes: BTreeMap<String, StatusCodes>,
-    pdo: Vec<Spanned<PdoSpec>>,
-    area: Vec<Area>,
-    j1939: J1939Spec,
-    message: Vec<Spanned<MessageSpec>>,
-    emcy: EmcySpec,
-    abort: Vec<AbortText>,
-    nmt: NmtSpec,
-    monitoring: Monitoring,
-    identity_change: IdentityChange,
-    uds: UdsSpec,
-    machine: Vec<Spanned<Machine>>,
-    gate: Vec<Spanned<Gate>>,
-    procedure: Vec<Spanned<Procedure>>,
-    rule: Vec<Spanned<DeviceRule>>,
-    waiver: Vec<Waiver>,
-    sample: Vec<Spanned<Sample>>,
-}
 
 /// Products of one manual that differ.
 #[derive(Debug, Clone, Deserialize)]
@@ -179,187 +135,6 @@ pub(super) struct Places {
     pub(super) rules: Vec<Range<usize>>,
     pub(super) gates: Vec<Range<usize>>,
     pub(super) machines: Vec<Range<usize>>,
-}
-
-/// A profile's text and what was read of it: all variants.
-#[derive(Debug)]
-pub struct ProfileFile {
-    file: File,
-    objects: Arc<Layer>,
-}
-
-impl ProfileFile {
-    /// Reads the text of a profile.
-    ///
-    /// # Errors
-    /// Text that is no TOML, unknown keys, values that are none; all errors of objects, with place.
-    pub fn parse(text: &str) -> Result<Self, Vec<TextError>> {
-        let file = toml::from_str(text).map_err(|error| vec![TextError::of_toml(text, &error)])?;
-        Self::of(file, text)
-    }
-
-    /// The same of a profile of this program, as the build script compiled it; `text` is what it was made of.
-    ///
-    /// # Errors
-    /// As for a text; a test excludes them.
-    pub(super) fn compiled(compiled: &'static [u8], text: &str) -> Result<Self, Vec<TextError>> {
-        let file = compiled::read(compiled).map_err(|error| vec![TextError::of_toml(text, &error)])?;
-        Self::of(file, text)
-    }
-
-    fn of(mut file: File, text: &str) -> Result<Self, Vec<TextError>> {
-        let tables = Tables {
-            values: std::mem::take(&mut file.values)
-                .into_iter()
-                .map(|(name, it)| (name, Arc::new(it)))
-                .collect(),
-            bits: std::mem::take(&mut file.bits).into_iter().map(|(name, it)| (name, Arc::new(it))).collect(),
-        };
-        let mut wrong: Vec<Wrong> = Vec::new();
-        let objects = authored::objects(std::mem::take(&mut file.object), &tables, &mut wrong);
-        if !wrong.is_empty() {
-            return Err(wrong
-                .into_iter()
-                .map(|(span, message)| TextError::at(text, span, message))
-                .collect());
-        }
-        Ok(Self { file, objects: Arc::new(Layer::new(objects)) })
-    }
-
-    /// Its id.
-    pub fn id(&self) -> &str {
-        &self.file.id
-    }
-
-    /// Standards it extends, with their place in the text.
-    pub fn extends(&self) -> impl DoubleEndedIterator<Item = (&str, Range<usize>)> {
-        self.file.extends.iter().map(|name| (name.get_ref().as_str(), name.span()))
-    }
-
-    /// Its variants; the first is the default.
-    pub fn variants(&self) -> &[Variant] {
-        &self.file.variant
-    }
-
-    /// Rules that its waivers name, of all variants, with their place in the text.
-    pub fn waived(&self) -> impl Iterator<Item = (&str, Range<usize>)> {
-        self.file.waiver.iter().map(|waiver| (waiver.rule.get_ref().as_str(), waiver.rule.span()))
-    }
-
-    /// Rules that its rules take in, and are not its own, with the place of the rule.
-    pub fn taken_in(&self) -> impl Iterator<Item = (&str, Range<usize>)> {
-        let own = |name: &str| self.file.rule.iter().any(|rule| rule.get_ref().name == name);
-        let each = |rule| -> (&DeviceRule, Range<usize>) { (Spanned::get_ref(rule), Spanned::span(rule)) };
-        let all = self.file.rule.iter().map(each);
-        all.flat_map(|(rule, span)| rule.takes_in.iter().map(move |name| (name.as_str(), span.clone())))
-            .filter(move |(name, _)| !own(name))
-    }
-
-    /// Its objects, all variants.
-    pub fn objects(&self) -> &[Object] {
-        &self.objects
-    }
-
-    /// One variant of the device on top of the standards it extends, given left to right.
-    pub fn device(&self, variant: Option<&str>, standards: &[Arc<Device>]) -> Device {
-        let file = &self.file;
-        let chosen = match variant {
-            Some(id) => file.variant.iter().find(|known| known.id == id),
-            None => file.variant.first(),
-        };
-        let id = chosen.map_or("", |variant| variant.id.as_str());
-        let mut device = Device {
-            id: file.id.clone(),
-            full_id: chosen.map_or_else(|| file.id.clone(), |variant| format!("{}:{}", file.id, variant.id)),
-            variant: chosen.map(|variant| variant.id.clone()),
-            title: chosen
-                .map(|it| it.title.clone())
-                .filter(|it| !it.is_empty())
-                .unwrap_or(file.title.clone()),
-            vendor: file.vendor.clone(),
-            description: file.description.clone(),
-            source: file.source.clone(),
-            note: file.note.clone(),
-            extends: self.extends().map(|(name, _)| name.to_owned()).collect(),
-            variants: file.variant.clone(),
-            identities: file.identity.clone(),
-            hints: file.hint.clone(),
-            areas: file.area.clone(),
-            j1939: file.j1939.clone(),
-            emcy: file.emcy.clone(),
-            nmt: file.nmt.clone(),
-            monitoring: file.monitoring.clone(),
-            identity_change: file.identity_change.clone(),
-            uds: file.uds.of_variant(id),
-            codes: file.codes.clone(),
-            ..Device::default()
-        };
-        device.dictionary.layers.push(self.objects_of(id));
-        device.emcy.code.retain(|code| code.only.allows(id));
-        device.j1939.dtc.retain(|dtc| dtc.only.allows(id));
-        device.aborts = file.abort.iter().filter(|abort| abort.only.allows(id)).cloned().collect();
-        device.waivers = file.waiver.iter().filter(|waiver| waiver.only.allows(id)).cloned().collect();
-        self.add_behaviour(&mut device, id);
-        for standard in standards.iter().rev() {
-            device.extend(standard);
-        }
-        device.deciding = device.deciding_objects();
-        device
-    }
-
-    /// The objects of one variant.
-    fn objects_of(&self, variant: &str) -> Arc<Layer> {
-        let all = |only: &Only| only.allows(variant);
-        let complete =
-            |object: &Object| all(&object.only) && object.entries.iter().all(|entry| all(&entry.only));
-        if self.objects.iter().all(complete) {
-            return Arc::clone(&self.objects);
-        }
-        let chosen = self.objects.iter().filter(|object| all(&object.only)).map(|object| {
-            let mut object = object.clone();
-            object.entries.retain(|entry| all(&entry.only));
-            object
-        });
-        Arc::new(Layer::new(chosen.collect()))
-    }
-
-    fn add_behaviour(&self, device: &mut Device, variant: &str) {
-        let file = &self.file;
-        for pdo in file.pdo.iter().filter(|pdo| pdo.get_ref().only.allows(variant)) {
-            device.places.pdos.push(pdo.span());
-            device.pdos.push(pdo.get_ref().clone());
-        }
-        for message in file.message.iter().filter(|it| it.get_ref().only.allows(variant)) {
-            device.places.messages.push(message.span());
-            device.messages.push(message.get_ref().clone());
-        }
-        for machine in file.machine.iter().filter(|it| it.get_ref().only.allows(variant)) {
-            for nth in 0..machine.get_ref().repeat.count.min(MOST_COPIES) {
-                device.places.machines.push(machine.span());
-                device.machines.push(machine.get_ref().pinned(nth));
-            }
-        }
-        for gate in file.gate.iter().filter(|gate| gate.get_ref().only.allows(variant)) {
-            for nth in 0..gate.get_ref().repeat.count.min(MOST_COPIES) {
-                device.places.gates.push(gate.span());
-                device.gates.push(gate.get_ref().pinned(nth));
-            }
-        }
-        for procedure in file.procedure.iter().filter(|it| it.get_ref().only.allows(variant)) {
-            for nth in 0..procedure.get_ref().repeat.count.min(MOST_COPIES) {
-                device.places.procedures.push(procedure.span());
-                device.procedures.push(procedure.get_ref().pinned(nth));
-            }
-        }
-        for rule in file.rule.iter().filter(|rule| rule.get_ref().only.allows(variant)) {
-            for nth in 0..rule.get_ref().repeat.count.min(MOST_COPIES) {
-                device.places.rules.push(rule.span());
-                device.rules.push(rule.get_ref().pinned(nth));
-            }
-        }
-        let samples = file.sample.iter().filter(|sample| sample.get_ref().only.allows(variant));
-        device.samples = samples.map(|sample| (sample.span(), sample.get_ref().clone())).collect();
-    }
 }
 
 impl Device {

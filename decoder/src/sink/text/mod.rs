@@ -7,6 +7,7 @@
 //!
 //! `?` behind a value or state marks what is presumed. Repetitions are left out unless asked for.
 
+mod bus;
 mod detail;
 mod device;
 mod emcy;

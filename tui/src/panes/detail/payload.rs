@@ -5,18 +5,20 @@
 //!      └─▶ its frame ─▶ layout of its identifier, else the table of its service ─▶ parts
 //! ```
 
+mod words;
+
 use std::sync::Arc;
 
 use cobscope_decoder::event::{EventKind, Protocol, SdoTransfer};
 use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags};
-use cobscope_decoder::profile::{BitOrder, DataType, Device, Field, Layout, Owner, Value, connection_set};
-use cobscope_decoder::profile::{abort_codes, error_register, failure_modes, lss, pgn_name, uds};
+use cobscope_decoder::profile::{BitOrder, DataType, Field, Layout, Owner, Value, connection_set, uds};
 use cobscope_decoder::session::{Bus, Node};
+use cobscope_decoder::wire::canopen::ObjectAddress;
 use cobscope_decoder::wire::canopen::emcy::ByteOrder;
 use cobscope_decoder::wire::canopen::sdo::Side;
-use cobscope_decoder::wire::canopen::{NmtState, ObjectAddress, nmt};
 use cobscope_decoder::wire::j1939::{J1939Id, Pgn};
 
+pub(super) use self::words::abort_text;
 use super::meaning;
 use super::services::{self, Read, Service, Slot};
 use crate::app::{Core, SignalKey};
@@ -268,65 +270,6 @@ impl Place<'_> {
         Part { name, bit, bits, order, value, notes, signal: None, is_assumed: false }
     }
 
-    /// A number in the words of its table.
-    fn words(&self, read: Read, bits: u16, raw: u64, bytes: &[u8]) -> String {
-        let digits = usize::from(bits.div_ceil(4));
-        let small = u32::try_from(raw).unwrap_or(u32::MAX);
-        let byte = u8::try_from(raw).unwrap_or(u8::MAX);
-        let device = self.node.map(|node| &**node.device());
-        match read {
-            Read::Number | Read::Bytes => raw.to_string(),
-            Read::Hex => format!("{raw:0digits$X}h"),
-            Read::Names(names) => {
-                let name = names.iter().find(|(value, _)| *value == raw);
-                name.map_or_else(|| format!("{raw}, reserved"), |(_, name)| format!("{raw} {name}"))
-            }
-            Read::NmtCommand => {
-                let service = nmt::parse(&[byte, 0]).map(|command| command.service.name());
-                format!("{raw:02X}h {}", service.unwrap_or("unknown"))
-            }
-            Read::NmtState => {
-                let state = NmtState::from_code(byte).map_or("undefined", NmtState::name);
-                format!("{raw:02X}h {state}")
-            }
-            Read::EmcyCode => {
-                let code = u16::try_from(raw).unwrap_or(0);
-                let text = device.map_or_else(|| plain_error(code), |device| device.error_text(code));
-                format!("{raw:04X}h {text}")
-            }
-            Read::Register => {
-                let names: Vec<_> = error_register().texts(small).collect();
-                format!("{raw:02X}h {}", names.join(", "))
-            }
-            Read::Object => self.object(raw),
-            Read::Abort => {
-                let object = number(8, 24).extract(bytes).map(address);
-                format!("{raw:08X}h {}", abort_text(device, small, object))
-            }
-            Read::Lss => format!("{raw:02X}h {}", lss().title(byte)),
-            Read::Group => {
-                let name = pgn_name(Pgn::new(small)).map_or(String::new(), |name| format!(" {name}"));
-                format!("{raw}{name}")
-            }
-            Read::UdsService => uds_service(byte),
-            Read::UdsCode => {
-                format!("{raw:02X}h {}", uds().code(byte).map_or("unknown code", |code| code.text.as_str()))
-            }
-            Read::UdsIdentifier => {
-                let name = uds().identifier(u16::try_from(raw).unwrap_or(0)).unwrap_or_default();
-                format!("{raw:0digits$X}h {name}").trim_end().to_owned()
-            }
-            Read::FailureMode => format!("{raw} {}", failure_modes().text(small)),
-        }
-    }
-
-    /// `6040:00 Controlword`.
-    fn object(&self, raw: u64) -> String {
-        let object = address(raw);
-        let name = self.node.and_then(|node| node.meaning(object)).map(|meaning| meaning.name);
-        name.map_or_else(|| object.to_string(), |name| format!("{object} {name}"))
-    }
-
     /// A UDS message: service, sub-function, identifier, what follows.
     fn uds(&self, bytes: &[u8], is_response: bool) -> Payload {
         let mut slots = services::UDS.slots(bytes);
@@ -366,34 +309,9 @@ impl Place<'_> {
     }
 }
 
-/// An object of 24 bits: index in the two low bytes, sub-index above.
-fn address(raw: u64) -> ObjectAddress {
-    let [low, high, sub, ..] = raw.to_le_bytes();
-    ObjectAddress::new(u16::from_le_bytes([low, high]), sub)
-}
-
 /// Bit of a service identifier that makes it a response, and the identifier of a negative one.
 const RESPONSE: u8 = 0x40;
 const NEGATIVE: u8 = 0x7F;
-
-fn uds_service(code: u8) -> String {
-    let table = uds().service(code & !RESPONSE);
-    let kind = if code & RESPONSE == 0 { "" } else { ", positive response" };
-    format!("{code:02X}h {}{kind}", table.map_or("unknown service", |service| service.title.as_str()))
-}
-
-fn plain_error(code: u16) -> &'static str {
-    cobscope_decoder::profile::emcy_codes().text(u32::from(code))
-}
-
-/// What an abort code means: by the standard, and by the manual where that says something else.
-pub(super) fn abort_text(device: Option<&Device>, code: u32, object: Option<ObjectAddress>) -> String {
-    let standard = abort_codes().text(code);
-    match device.and_then(|device| device.abort(code, object)) {
-        Some(own) if own.text != standard => format!("{standard}; by the manual: {}", own.text),
-        _ => standard.to_owned(),
-    }
-}
 
 fn number(bit: u16, bits: u16) -> Field {
     Field::of_object(ObjectAddress::new(0, 0), bit, bits, DataType::unsigned(bits))

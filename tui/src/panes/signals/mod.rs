@@ -12,12 +12,10 @@
 //!
 //! Where there are few columns the list is above the plot. The cursor in time is cursor A.
 
+mod drawn;
 mod list;
 mod offered;
 mod view;
-
-use std::borrow::Cow;
-use std::sync::Arc;
 
 use cobscope_decoder::frame::Timestamp;
 use ratatui::buffer::Buffer;
@@ -32,7 +30,7 @@ use crate::app::{Action, Core, Effect, Place, SignalKey};
 use crate::theme::{Glyph, Role};
 use crate::timeline::MOST_SIGNALS;
 use crate::widgets::draw;
-use crate::widgets::plot::{Bucket, Plot, Series};
+use crate::widgets::plot::Plot;
 use crate::widgets::table::Table;
 
 /// From so many columns on the list is beside the plot.
@@ -81,14 +79,6 @@ struct Parts {
     list: Rect,
     title: Rect,
     plot: Rect,
-}
-
-/// A signal as it is drawn.
-struct Shown {
-    name: String,
-    unit: String,
-    role: Role,
-    points: Arc<Vec<Bucket>>,
 }
 
 impl Signals {
@@ -149,74 +139,6 @@ impl Signals {
         }
         self.view.refresh(core, &self.keys());
         Vec::new()
-    }
-
-    /// The signals that are plotted, with the values at the cursors as exactly as they are known.
-    fn shown(&self, core: &Core) -> Vec<Shown> {
-        let room = self.parts(Self::area(core)).plot.width.saturating_sub(OF_LEGEND);
-        let cursor = self.view.cursor(core).filter(|_| !core.is_pending() && !core.is_waiting());
-        let shown = |picked: &Picked| {
-            let points = self.view.points(core, &picked.key);
-            let is_assumed = points.as_ref().is_some_and(|points| points.is_assumed);
-            let mut points = points.map(|points| points.buckets).unwrap_or_default();
-            if let (Some(time), Some(value)) = (cursor, list::number(core, &picked.key)) {
-                put(&mut points, time, value);
-            }
-            if let Some(second) = &self.second
-                && let Some((_, Some(value))) = second.values.iter().find(|(key, _)| *key == picked.key)
-            {
-                put(&mut points, second.time, *value);
-            }
-            let name = list::within(&picked.key.name, room);
-            let name = format!("{name}{}", if is_assumed { "?" } else { "" });
-            Shown { name, unit: picked.key.unit.clone(), role: Role::Highlight(picked.look), points }
-        };
-        self.picked.iter().map(shown).collect()
-    }
-
-    /// Does something with the plot as it is drawn.
-    fn with_plot<T>(&self, core: &Core, then: impl for<'a> FnOnce(&'a Plot<'a>) -> T) -> Option<T> {
-        let (from, to) = self.view.range(core)?;
-        let (_, last) = View::whole(core)?;
-        let shown = self.shown(core);
-        let series: Vec<_> = shown
-            .iter()
-            .map(|shown| Series {
-                name: Cow::Borrowed(shown.name.as_str()),
-                unit: Cow::Borrowed(shown.unit.as_str()),
-                role: shown.role,
-                points: &shown.points,
-            })
-            .collect();
-        let second = self.second.as_ref().map(|second| second.time);
-        let is_over = self.view.share(core).is_none();
-        let plot = Plot::new(&core.theme, &series, from, to)
-            .zero(core.zero().map_or(from, |zero| zero.0))
-            .cursors(self.view.cursor(core), second)
-            .until(last)
-            .empty(if is_over { "no value in this time" } else { "reading …" });
-        Some(then(&plot))
-    }
-
-    /// The line above the plot.
-    fn title(&self, core: &Core) -> String {
-        let Some((from, to)) = self.view.range(core) else { return "no times".into() };
-        let delta = core.theme.glyph(Glyph::Delta);
-        let time = |time| core.seconds(Some(Timestamp(time))).unwrap_or_default();
-        let span = time(to) - time(from);
-        // As many digits as tell the ends of a thousandth apart.
-        let digits = (0..6).find(|digits| span * 10_f64.powi(*digits) >= 1_000.0).unwrap_or(6);
-        let digits = usize::try_from(digits).unwrap_or(0).max(3);
-        let all = if self.view.is_whole() { ", all of it" } else { "" };
-        let mut text =
-            format!("{:.digits$} to {:.digits$} s, {delta} {span:.digits$} s{all}", time(from), time(to));
-        if let Some(share) = self.view.share(core) {
-            text = format!("reading {share} %  {text}");
-        }
-        if self.refused > 0 {
-            text = format!("{} more not plotted: {MOST_SIGNALS} are the most  {text}", self.refused);
-        }
-        text
     }
 
     /// Goes so many columns on in time.
@@ -396,19 +318,3 @@ impl Pane for Signals {
 fn no_times() -> Effect {
     Effect::Refuse("this capture has no times".into())
 }
-
-/// Puts in what is known to hold at a time, where buckets are too long to tell.
-fn put(points: &mut Arc<Vec<Bucket>>, time: i64, value: f64) {
-    let behind = points.partition_point(|bucket| bucket.t <= time);
-    let Some(place) = behind.checked_sub(1) else { return };
-    if points
-        .get(place)
-        .is_some_and(|bucket| !bucket.last.is_nan() && bucket.last.to_bits() != value.to_bits())
-    {
-        let exact = Bucket { t: time, min: value, max: value, last: value };
-        Arc::make_mut(points).insert(behind, exact);
-    }
-}
-
-#[cfg(test)]
-mod tests;

@@ -1,0 +1,57 @@
+//! What a ledger gives when all is judged.
+
+use std::sync::Arc;
+
+use super::Ledger;
+use crate::finding::{Findings, Tally, Verdict};
+
+impl Ledger {
+    /// Everything judged; of rules that judge times nothing where `is_timed` says so.
+    pub(in crate::rules) fn into_findings(mut self, is_timed: bool, mut quality: Vec<String>) -> Findings {
+        self.link_late_causes();
+        self.say_unexercised(&mut quality);
+        if !is_timed {
+            let judges_time =
+                |rule: u16| self.rules.get(usize::from(rule)).is_some_and(|rule| rule.is_timing);
+            self.groups.retain(|group| !judges_time(group.key.rule));
+            for (tally, rule) in self.tallies.iter_mut().zip(&self.rules) {
+                if rule.is_timing {
+                    *tally = Tally::default();
+                    for case in &rule.cases {
+                        self.cases.remove(case);
+                    }
+                }
+            }
+        }
+        let mut cases = std::mem::take(&mut self.cases);
+        for (rule, tally) in self.rules.iter().zip(&self.tallies).filter(|(rule, _)| !rule.tells_cases) {
+            for case in &rule.cases {
+                cases.entry(Arc::clone(case)).or_default().add(*tally);
+            }
+        }
+        let suppressions = self.setup.uses(&self.groups);
+        let conformance = self.run.into_verdicts(is_timed, &self.rules);
+        Findings {
+            rules: self.rules,
+            tallies: self.tallies,
+            cases,
+            groups: self.groups,
+            ungrouped: self.ungrouped,
+            quality,
+            suppressions,
+            conformance,
+        }
+    }
+
+    /// What is said of rules that had nothing to judge.
+    fn say_unexercised(&self, quality: &mut Vec<String>) {
+        for (rule, why) in &self.unexercised {
+            let place = usize::from(*rule);
+            if let (Some(info), Some(tally)) = (self.rules.get(place), self.tallies.get(place))
+                && tally.verdict() == Verdict::NotExercised
+            {
+                quality.push(format!("{} is not exercised: {why}", info.name));
+            }
+        }
+    }
+}

@@ -1,0 +1,52 @@
+//! The items as lines, and where they are on the screen.
+
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ratatui::text::Line;
+
+use super::document::Item;
+use super::{Detail, Told};
+use crate::app::Core;
+use crate::widgets::text_lines::TextLines;
+
+impl Detail {
+    /// Lines of all items, and the line each begins with.
+    fn lines(&self, core: &Core, told: &Told<'_>, width: u16) -> (Vec<Line<'static>>, Vec<usize>) {
+        let selected = self.selected(told);
+        let (mut lines, mut starts, mut at) = (Vec::new(), Vec::new(), 0);
+        for (index, item) in told.items.iter().enumerate() {
+            starts.push(at);
+            let more = item.lines(&core.theme, index == selected);
+            at += TextLines::new(&core.theme, &more).total(width);
+            lines.extend(more);
+        }
+        starts.push(at);
+        (lines, starts)
+    }
+
+    /// The first line in view: that of the cursor stands in the upper third, with all of its item.
+    fn scroll(&self, told: &Told<'_>, starts: &[usize], height: usize) -> usize {
+        let selected = self.selected(told);
+        let start = starts.get(selected).copied().unwrap_or(0);
+        let end = starts.get(selected + 1).copied().unwrap_or(start + 1);
+        start.saturating_sub(height / 3).max(end.saturating_sub(height)).min(start)
+    }
+
+    pub(super) fn text(&self, core: &Core, told: &Told<'_>, area: Rect, buf: &mut Buffer) {
+        let (lines, starts) = self.lines(core, told, area.width.saturating_sub(1));
+        let scroll = self.scroll(told, &starts, usize::from(area.height));
+        TextLines::new(&core.theme, &lines).scroll(scroll).render(area, buf);
+    }
+
+    /// The item at a place of the screen.
+    pub(super) fn item_at(&self, core: &Core, told: &Told<'_>, area: Rect, x: u16, y: u16) -> Option<usize> {
+        let is_inside = area.contains(ratatui::layout::Position::new(x, y));
+        let (lines, starts) = self.lines(core, told, area.width.saturating_sub(1));
+        let last = TextLines::new(&core.theme, &lines).last_scroll(area);
+        let scroll = self.scroll(told, &starts, usize::from(area.height)).min(last);
+        let line = scroll + usize::from(y.saturating_sub(area.y));
+        let at = starts.partition_point(|start| *start <= line).checked_sub(1)?;
+        let is_item = told.items.get(at).is_some_and(Item::can_be_selected);
+        (is_inside && is_item).then_some(at)
+    }
+}

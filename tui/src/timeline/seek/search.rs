@@ -1,0 +1,68 @@
+//! On to the next row that is like what is searched for, or back to the last one.
+
+use cobscope_decoder::replay::{Spot, Told};
+
+use super::super::order::{Order, Search};
+use super::super::walk::Walk;
+use super::{Answer, FIRST_SPAN, NEAR, Seeker};
+
+impl Seeker {
+    /// The next place a search meets: `Some(None)` if there is none.
+    pub(super) fn search(
+        &mut self,
+        order: &Order,
+        search: &Search,
+        from: Spot,
+        frames: u64,
+        is_stale: &mut impl FnMut() -> bool,
+    ) -> Answer<Option<Spot>> {
+        let mut span = FIRST_SPAN;
+        loop {
+            let start = if search.is_backward { from.frame.saturating_sub(span) } else { from.frame };
+            let start = start.saturating_sub(1);
+            let Some(walk) = self.walk_to(start, is_stale)? else { return Ok(None) };
+            let Some(met) = self.search_from(walk, order, search, from, frames, is_stale)? else {
+                return Ok(None);
+            };
+            if met.is_some() || !search.is_backward || start == 0 {
+                return Ok(Some(met));
+            }
+            span = span.saturating_mul(8);
+        }
+    }
+
+    /// The first hit behind `from`, or the last one before it behind the walk.
+    fn search_from(
+        &mut self,
+        mut walk: Walk,
+        order: &Order,
+        search: &Search,
+        from: Spot,
+        frames: u64,
+        is_stale: &mut impl FnMut() -> bool,
+    ) -> Answer<Option<Spot>> {
+        let mut met = None;
+        let mut next = walk.world.frames() + NEAR;
+        while self.is_whole() || walk.world.frames() < frames {
+            let mut see = |told: Told<'_>| {
+                let is_beyond =
+                    if search.is_backward { told.spot < from } else { told.spot > from && met.is_none() };
+                if is_beyond && order.matcher.takes(&told) && search.matcher.takes(&told) {
+                    met = Some(told.spot);
+                }
+            };
+            let more = walk.step(&mut see)?;
+            let is_over = if search.is_backward { walk.world.frames() > from.frame } else { met.is_some() };
+            if !more || is_over {
+                break;
+            }
+            if walk.world.frames() >= next {
+                next = walk.world.frames() + NEAR;
+                if is_stale() {
+                    return Ok(None);
+                }
+            }
+        }
+        Ok(Some(met))
+    }
+}
