@@ -341,6 +341,7 @@ fn write() -> SdoTransfer {
         previous: None,
         previous_assumed: false,
         duration: Some(1_000_000),
+        waited: None,
         outcome: Outcome::Complete,
         abort: None,
         crc: Some(Crc::Correct),

@@ -190,6 +190,9 @@ pub struct SdoTransfer {
     pub previous_assumed: bool,
     /// Nanoseconds from first to last frame.
     pub duration: Option<i64>,
+    /// Nanoseconds the server was given, where it sent nothing before the client gave up or time ran out; 0 without
+    /// stamps.
+    pub waited: Option<i64>,
     /// How it ended.
     pub outcome: Outcome,
     /// Abort message, if any.

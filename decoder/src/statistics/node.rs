@@ -113,6 +113,7 @@ impl NodeStatistics {
 
     fn transfer(&mut self, transfer: &SdoTransfer, end: Option<i64>) {
         match transfer.outcome {
+            _ if transfer.waited.is_some() => self.sdo.timeout += 1,
             Outcome::Complete => self.sdo.complete += 1,
             Outcome::Aborted => self.sdo.aborted += 1,
             Outcome::Timeout => self.sdo.timeout += 1,
@@ -121,7 +122,8 @@ impl NodeStatistics {
         if let Some(abort) = transfer.abort {
             self.aborts.add(abort.code);
         }
-        let answered = matches!(transfer.outcome, Outcome::Complete | Outcome::Aborted);
+        let answered =
+            matches!(transfer.outcome, Outcome::Complete | Outcome::Aborted) && transfer.waited.is_none();
         let (Some(end), Some(duration)) = (end, transfer.duration) else { return };
         if answered && transfer.frame_count > 1 {
             self.sdo_duration.add(duration);

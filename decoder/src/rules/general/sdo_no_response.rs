@@ -11,7 +11,8 @@ use crate::wire::canopen::NmtState;
 declare_rule! {
     /// # What it checks
     /// An SDO request has no response within the time the recording allows for, or the server takes long to answer
-    /// an expedited transfer. Storing and restoring parameters (1010, 1011) may take longer. A node that says it is
+    /// an expedited transfer. A client that gives up, or asks again after more than `warning-ms`, got no answer too.
+    /// Storing and restoring parameters (1010, 1011) may take longer. A node that says it is
     /// stopped serves no SDO.
     ///
     /// # Why it matters
@@ -75,6 +76,27 @@ impl SdoNoResponse {
         })
     }
 
+    /// The client gave up, after so many nanoseconds without a word of the server.
+    fn given_up(
+        &self,
+        event: &Event,
+        transfer: &SdoTransfer,
+        (outcome, waited): (Outcome, i64),
+        context: &mut Context<'_>,
+    ) {
+        let is_early = waited <= self.warning;
+        let what = match outcome {
+            // Who asks again at once did not wait for an answer.
+            Outcome::Superseded if is_early => return,
+            Outcome::Superseded => "the client began another transfer",
+            _ => "the client gave up",
+        };
+        let severity = if is_early { Severity::Warning } else { Severity::Error };
+        let alarm = context.fail(event).about(about(transfer)).severity(severity).measure(f64::MAX);
+        let milliseconds = waited / 1_000_000;
+        alarm.say(|| format!("no answer{}; {what} after {milliseconds} ms", of(transfer)));
+    }
+
     fn slow(&self, event: &Event, transfer: &SdoTransfer, context: &mut Context<'_>) {
         let is_store = transfer.object.is_some_and(|object| matches!(object.index, 0x1010 | 0x1011));
         let (warning, error) = if is_store { (self.store, self.store) } else { (self.warning, self.error) };
@@ -99,16 +121,20 @@ impl Rule for SdoNoResponse {
             (EventKind::NmtState(change), Some(node)) => return self.state(event, node, change),
             _ => return,
         };
-        match transfer.outcome {
-            Outcome::Timeout if self.serves_none(event) => {}
-            Outcome::Timeout => {
-                let of =
-                    transfer.object.map_or_else(String::new, |object| format!(" to the request of {object}"));
+        match (transfer.outcome, transfer.waited) {
+            (Outcome::Timeout, _) | (_, Some(_)) if self.serves_none(event) => {}
+            (Outcome::Timeout, _) => {
                 let alarm = context.fail(event).about(about(transfer)).measure(f64::MAX);
-                alarm.say(|| format!("no answer{of}"));
+                alarm.say(|| format!("no answer{}", of(transfer)));
             }
-            Outcome::Complete | Outcome::Aborted => self.slow(event, transfer, context),
-            Outcome::Superseded | Outcome::Incomplete | Outcome::Unfinished => {}
+            (outcome, Some(waited)) => self.given_up(event, transfer, (outcome, waited), context),
+            (Outcome::Complete | Outcome::Aborted, None) => self.slow(event, transfer, context),
+            _ => {}
         }
     }
+}
+
+/// ` to the request of 1018:01`.
+fn of(transfer: &SdoTransfer) -> String {
+    transfer.object.map_or_else(String::new, |object| format!(" to the request of {object}"))
 }

@@ -104,7 +104,11 @@ fn outcome(transfer: &SdoTransfer, device: &Device, what: &mut String) -> Tone {
             Tone::Bad
         }
         (Outcome::Superseded, _) => {
-            what.push_str(" given up: another one began");
+            what.push_str(if transfer.waited.is_some() {
+                " NO ANSWER, another one began"
+            } else {
+                " given up: another one began"
+            });
             Tone::Caution
         }
         (Outcome::Incomplete | Outcome::Unfinished, _) => {

@@ -17,7 +17,7 @@ use transfer::Transfer;
 use super::super::store::OriginKind;
 use crate::bus_file::encode;
 use crate::event::{Direction, EventKind, Outcome, SdoTransfer};
-use crate::frame::Frame;
+use crate::frame::{Frame, Timestamp};
 use crate::profile::{Effect, Entry};
 use crate::session::timers::Subject;
 use crate::session::{Bus, Observer};
@@ -115,7 +115,7 @@ impl Bus {
         if !self.belief.is_believed() && transfer.cut_start && !transfer.is_answered() {
             return;
         }
-        let described = self.describe(server, &mut transfer);
+        let described = self.describe(server, &mut transfer, frame.time);
         let mut event = self.event(frame, EventKind::SdoTransfer(Box::new(described)));
         event.node = Some(server);
         event.frames = transfer.frames;
@@ -154,7 +154,7 @@ impl Bus {
     }
 
     /// The transfer as an event; its data moves there.
-    fn describe(&self, server: NodeId, transfer: &mut Transfer) -> SdoTransfer {
+    fn describe(&self, server: NodeId, transfer: &mut Transfer, end: Option<Timestamp>) -> SdoTransfer {
         let (request, response) =
             self.channel_ids(transfer.channel).unwrap_or((Frame::EMPTY.id, Frame::EMPTY.id));
         let (previous, previous_assumed) = self.previous(server, transfer.object);
@@ -176,6 +176,7 @@ impl Bus {
             previous,
             previous_assumed,
             duration: transfer.duration(),
+            waited: transfer.waited(end.map(|end| end.0)),
             outcome: transfer.outcome,
             abort: transfer.abort,
             crc: transfer.crc(),

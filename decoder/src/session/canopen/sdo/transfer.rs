@@ -114,6 +114,18 @@ impl Transfer {
         self.sides == (true, true)
     }
 
+    /// Nanoseconds a server that sent nothing was given up to its end; 0 without stamps.
+    pub(super) fn waited(&self, end: Option<i64>) -> Option<i64> {
+        let is_over = match self.outcome {
+            Outcome::Timeout | Outcome::Superseded => true,
+            Outcome::Aborted => self.abort.is_some_and(|abort| abort.by_client),
+            Outcome::Complete | Outcome::Incomplete | Outcome::Unfinished => false,
+        };
+        let is_unanswered = is_over && !self.sides.1 && !self.cut_start;
+        is_unanswered
+            .then(|| end.zip(self.first_time).map_or(0, |(end, first)| end.saturating_sub(first).max(0)))
+    }
+
     /// Nanoseconds from first to last frame.
     pub(super) fn duration(&self) -> Option<i64> {
         Some(self.last_time?.saturating_sub(self.first_time?))
