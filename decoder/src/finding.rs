@@ -56,8 +56,8 @@ pub struct RuleInfo {
     pub explanation: Arc<str>,
     /// Cases of CiA's test plan it judges: `9.4`.
     pub cases: Vec<Arc<str>>,
-    /// It counts its cases one by one; else each has what the rule as a whole has.
-    pub tells_cases: bool,
+    /// Those of them that any verdict of it is one of.
+    pub shows: Vec<Arc<str>>,
     /// Where it comes from.
     pub origin: RuleOrigin,
     /// It judges times, so it is silent where the capture's times say nothing.

@@ -38,8 +38,9 @@ pub struct Declaration {
     pub kinds: &'static [&'static str],
     /// Cases of CiA's test plan it judges.
     pub cases: &'static [&'static str],
-    /// It counts its cases one by one; else each has what the rule as a whole has.
-    pub tells_cases: bool,
+    /// Those of them that any verdict of it is one of. Of the others it says which it is one of, or only a marked test
+    /// run tells.
+    pub shows: &'static [&'static str],
     /// What can be set.
     pub tolerances: &'static [Tolerance],
     /// It judges times.
@@ -59,7 +60,7 @@ impl Declaration {
         explanation: "",
         kinds: &[],
         cases: &[],
-        tells_cases: false,
+        shows: &[],
         tolerances: &[],
         is_timing: false,
         is_on: true,
@@ -74,7 +75,7 @@ impl Declaration {
             title: self.title.into(),
             explanation: self.explanation.into(),
             cases: self.cases.iter().map(|case| Arc::from(*case)).collect(),
-            tells_cases: self.tells_cases,
+            shows: self.shows.iter().map(|case| Arc::from(*case)).collect(),
             origin: RuleOrigin::General,
             is_timing: self.is_timing,
             is_on: self.is_on,

@@ -30,7 +30,7 @@ pub(super) fn of(device: &Device, rule: &DeviceRule) -> RuleInfo {
         title: rule.text.as_str().into(),
         explanation: explanation.into(),
         cases: Vec::new(),
-        tells_cases: false,
+        shows: Vec::new(),
         origin: RuleOrigin::Device,
         is_timing: matches!(rule.kind, RuleKind::MinInterval | RuleKind::MaxInterval | RuleKind::Follow),
         is_on: true,

@@ -222,7 +222,7 @@ fn info(written: &bus_file::Expectation, plan: &Plan) -> RuleInfo {
         title: title.into(),
         explanation: explanation.into(),
         cases: Vec::new(),
-        tells_cases: false,
+        shows: Vec::new(),
         origin: RuleOrigin::Expectation,
         is_timing: plan.is_timing(),
         is_on: true,

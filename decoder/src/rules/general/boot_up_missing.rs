@@ -28,6 +28,7 @@ declare_rule! {
     "boot-up-missing", Warning, "a node does not say that it started",
     kinds: ["nmt-command", "boot-up", "emcy", "node-id-change"],
     cases: &["9.1", "10.1"],
+    shows: &["10.1"],
     word: "BOOT",
     tolerances: &[tolerance("error-ms", 2_000.0, "ms", "from the reset to the boot-up message")],
 }

@@ -27,6 +27,7 @@ declare_rule! {
     "cob-id-restricted", Warning, "an identifier that belongs to another service is used",
     kinds: ["sdo-transfer"],
     cases: &["8.10"],
+    shows: &["8.10"],
     word: "COBID",
 }
 

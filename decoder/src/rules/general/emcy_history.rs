@@ -26,6 +26,7 @@ declare_rule! {
     "emcy-history", Note, "the error history does not have the last EMCY",
     kinds: ["emcy", "sdo-transfer", "boot-up"],
     cases: &["5.3", "5.6"],
+    shows: &["5.6"],
     word: "EMCY",
 }
 

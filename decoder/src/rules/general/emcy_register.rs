@@ -27,6 +27,7 @@ declare_rule! {
     "emcy-register", Warning, "the error register is not what the last EMCY said",
     kinds: ["emcy", "sdo-transfer", "boot-up"],
     cases: &["5.2", "5.5"],
+    shows: &["5.2"],
     word: "EMCY",
     tolerances: &[tolerance("generic-bit", 0.0, "", "1: bit 0 must be set with an error")],
 }

@@ -26,6 +26,7 @@ declare_rule! {
     "guard-no-answer", Warning, "a guarding request is not answered",
     kinds: ["guard-request", "guard-reply", "heartbeat", "boot-up", "nmt-command", "node-lost", "lost-frames", "link"],
     cases: &["7.2", "7.4", "7.203"],
+    shows: &["7.2"],
     word: "GUARD",
 }
 

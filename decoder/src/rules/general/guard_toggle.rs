@@ -24,6 +24,7 @@ declare_rule! {
     "guard-toggle", Warning, "the toggle bit of guarding does not alternate",
     kinds: ["guard-reply", "heartbeat", "boot-up"],
     cases: &["7.3", "7.203"],
+    shows: &["7.3"],
     word: "GUARD",
 }
 

@@ -28,6 +28,7 @@ declare_rule! {
     "heartbeat-period", Warning, "heartbeats do not come at their time",
     kinds: ["heartbeat", "boot-up", "node-lost", "lost-frames", "link", "sdo-transfer"],
     cases: &["7.102", "7.103", "7.202", "7.204", "7.206"],
+    shows: &["7.102"],
     is_timing: true,
     word: "BEAT",
     tolerances: &[tolerance("warning-percent", 10.0, "%", "the average may be off")],

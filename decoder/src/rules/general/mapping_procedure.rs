@@ -31,7 +31,6 @@ declare_rule! {
     "mapping-procedure", Warning, "a PDO is mapped anew in the wrong order",
     kinds: ["sdo-transfer", "boot-up"],
     cases: &["3.22", "3.23", "3.24"],
-    tells_cases: true,
     word: "MAP",
 }
 

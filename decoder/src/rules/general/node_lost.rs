@@ -27,6 +27,7 @@ declare_rule! {
     "node-lost", Error, "a monitored node is silent",
     kinds: ["heartbeat", "node-lost", "node-back", "boot-up", "nmt-command"],
     cases: &["7.102"],
+    shows: &["7.102"],
     is_timing: true,
     word: "LOST",
     tolerances: &[

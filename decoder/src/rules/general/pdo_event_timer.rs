@@ -25,6 +25,7 @@ declare_rule! {
     "pdo-event-timer", Warning, "a TPDO comes later than its event timer",
     kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames", "link"],
     cases: &["3.5"],
+    shows: &["3.5"],
     is_timing: true,
     word: "PDO",
     tolerances: &[tolerance("warning-percent", 150.0, "%", "of the timer, and 10 ms")],

@@ -25,6 +25,7 @@ declare_rule! {
     "pdo-sync-acyclic", Warning, "an acyclic TPDO comes without a SYNC",
     kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames", "link"],
     cases: &["3.7"],
+    shows: &["3.7"],
     word: "SYNC",
 }
 

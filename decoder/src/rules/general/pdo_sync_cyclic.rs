@@ -29,6 +29,7 @@ declare_rule! {
     "pdo-sync-cyclic", Warning, "a synchronous TPDO does not follow its SYNCs",
     kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames", "link"],
     cases: &["3.6", "3.8", "6.3"],
+    shows: &["3.6", "6.3"],
     word: "SYNC",
 }
 

@@ -26,6 +26,7 @@ declare_rule! {
     "sync-counter", Warning, "the counter of SYNC is wrong",
     kinds: ["sync"],
     cases: &["6.6", "6.7", "6.8"],
+    shows: &["6.7"],
     word: "SYNC",
 }
 

@@ -24,8 +24,11 @@ impl Ledger {
             }
         }
         let mut cases = std::mem::take(&mut self.cases);
-        for (rule, tally) in self.rules.iter().zip(&self.tallies).filter(|(rule, _)| !rule.tells_cases) {
+        for (rule, tally) in self.rules.iter().zip(&self.tallies) {
             for case in &rule.cases {
+                cases.entry(Arc::clone(case)).or_default();
+            }
+            for case in &rule.shows {
                 cases.entry(Arc::clone(case)).or_default().add(*tally);
             }
         }

@@ -23,7 +23,10 @@ pub(super) fn write(report: &Report, out: &mut String) {
         }
     }
     if !plan.is_empty() {
-        let _ = writeln!(out, "\nCases of CiA's conformance test plan that rules judge");
+        let _ = writeln!(
+            out,
+            "\nCases of CiA's conformance test plan that rules judge: exercised where the capture shows the case itself"
+        );
         plan.write(0, out);
     }
     out.push('\n');
