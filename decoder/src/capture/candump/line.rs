@@ -38,6 +38,8 @@ pub(super) struct FrameLine<'a> {
     pub(super) stamp: Option<i64>,
     /// The stamp is a calendar date without time zone (`-t A`).
     pub(super) is_date: bool,
+    /// A line of a log (`-l`, `-L`), whose stamps are never differences.
+    pub(super) is_log: bool,
     /// Interface name.
     pub(super) bus: &'a [u8],
     pub(super) id: CanId,
@@ -143,6 +145,7 @@ fn is_prompt(line: &[u8]) -> bool {
 const EMPTY: FrameLine<'static> = FrameLine {
     stamp: None,
     is_date: false,
+    is_log: false,
     bus: &[],
     id: CanId::Standard(0),
     flags: FrameFlags(0),
@@ -183,7 +186,7 @@ fn log_body(input: &[u8]) -> Option<Result<FrameLine<'static>, LineError>> {
         )));
     };
     let (payload, tail) = split_word(rest);
-    let body = FrameLine { id, flags: flags.with(direction(tail)), ..EMPTY };
+    let body = FrameLine { id, flags: flags.with(direction(tail)), is_log: true, ..EMPTY };
     Some(match payload {
         [b'#', rest @ ..] => fd_payload(rest, body),
         [b'R' | b'r', rest @ ..] => remote_payload(rest, body),

@@ -141,6 +141,11 @@ impl Candump {
     }
 
     fn say_once(&mut self, found: &FrameLine<'_>, batch: &mut Batch) {
+        if self.clock.take_guess() {
+            let text = "stamps step back: read as the time since the frame before (candump -t d); --time a reads them as \
+                        they are";
+            batch.notice(Notice::Assumption(text.into()));
+        }
         if found.is_date && !std::mem::replace(&mut self.said_date, true) {
             batch.notice(Notice::Assumption("dates carry no time zone: read as UTC".into()));
         }
@@ -165,8 +170,10 @@ impl Candump {
     /// Whether the stamps' meaning is known, or could be found out from the lines ahead.
     fn is_decided(&mut self, line: &[u8], ahead: &[u8], at_end: bool) -> bool {
         let plain = line::without_colors(line);
-        let Ok(Line::Frame(FrameLine { stamp: Some(stamp), .. })) = line::parse(&plain) else { return true };
-        if !self.clock.must_decide(stamp) {
+        let Ok(Line::Frame(FrameLine { stamp: Some(stamp), is_log, .. })) = line::parse(&plain) else {
+            return true;
+        };
+        if is_log || !self.clock.must_decide(stamp) {
             self.clock.settle();
             return true;
         }

@@ -19,12 +19,14 @@ pub enum TimeStyle {
 pub(super) struct Clock {
     style: Option<TimeStyle>,
     elapsed: i64,
+    /// Nobody said that stamps are differences: they look like it.
+    is_guess: bool,
 }
 
 impl Clock {
     /// A clock whose style is known (`Some`) or to be found out.
     pub(super) fn new(style: Option<TimeStyle>) -> Self {
-        Self { style, elapsed: 0 }
+        Self { style, elapsed: 0, is_guess: false }
     }
 
     /// Whether `stamp` cannot be understood before the style is known.
@@ -45,7 +47,13 @@ impl Clock {
             last = stamp;
             falls
         });
+        self.is_guess = falls;
         self.style = Some(if falls { TimeStyle::Delta } else { TimeStyle::Absolute });
+    }
+
+    /// Whether stamps were found to be differences since this was asked last.
+    pub(super) fn take_guess(&mut self) -> bool {
+        std::mem::take(&mut self.is_guess)
     }
 
     /// Whether stamps are taken as they are, so that no call per stamp is needed.
