@@ -74,6 +74,7 @@ impl NodeLost {
         let frames = FrameRange { first: frame, last: event.frames.last };
         context
             .fail(event)
+            .about(About::Object(PRODUCER_TIME))
             .severity(severity)
             .measure(interval / expected)
             .frames(frames)
