@@ -178,7 +178,8 @@ fn stamps_that_step_back_are_differences_on_a_screen_and_a_step_in_a_log() {
     let log = "(10.0) can0 701#05\n(11.0) can0 701#05\n(9.0) can0 701#05\n";
     let output = cli::run(&["decode", "--all", "-"], log).stdout;
     assert!(output.contains("CLOCK  time stamps went back by 2.000 s"), "{output}");
-    let screen = " (010.0)  can0  701   [1]  05\n (011.0)  can0  701   [1]  05\n (009.0)  can0  701   [1]  05\n";
+    let screen =
+        " (010.0)  can0  701   [1]  05\n (011.0)  can0  701   [1]  05\n (009.0)  can0  701   [1]  05\n";
     let output = cli::run(&["decode", "--all", "-"], screen).stdout;
     assert!(output.contains("20.000  1/01"), "{output}");
     assert!(output.contains("NOTE   stamps step back: read as the time since the frame before"), "{output}");

@@ -21,6 +21,10 @@ pub(super) const SILENCE: i64 = 5_000_000_000;
 /// again has given up on the first request.
 const ANSWER_TIME: i64 = 50_000_000;
 
+/// Nanoseconds after which a request that asks for no answer is over: four times what a server has to refuse it, or to
+/// say that it takes longer.
+const REFUSAL_TIME: i64 = 4 * ANSWER_TIME;
+
 /// Requests of one link that wait at once.
 const LINK_LIMIT: usize = 8;
 
@@ -60,12 +64,16 @@ impl Exchange {
 
     /// How it ends when nothing (more) comes: `None` where it was answered.
     pub(super) fn unanswered(&self) -> Option<ExchangeOutcome> {
-        let suppressed = self.sub_function.is_some_and(|it| it.suppress_response) && self.pending == 0;
-        match (self.is_answered, suppressed) {
+        match (self.is_answered, self.is_suppressed() && self.pending == 0) {
             (true, _) => None,
             (false, true) => Some(ExchangeOutcome::Suppressed),
             (false, false) => Some(ExchangeOutcome::NoAnswer),
         }
+    }
+
+    /// It asks for no answer (suppressPosRspMsgIndicationBit).
+    fn is_suppressed(&self) -> bool {
+        self.sub_function.is_some_and(|it| it.suppress_response)
     }
 
     fn take_pending(&mut self, now: i64) {
@@ -79,8 +87,8 @@ impl Exchange {
 #[derive(Debug, Clone, Default)]
 struct Waiting {
     exchanges: Vec<Exchange>,
-    /// An entry is in the timer queue.
-    queued: bool,
+    /// Monotonic time of the first entry in the timer queue.
+    queued: Option<i64>,
 }
 
 /// What an answer says.
@@ -104,7 +112,10 @@ pub(super) struct Exchanges {
 
 impl Exchanges {
     /// A request; gives those it puts an end to.
-    pub(super) fn begin(&mut self, exchange: Exchange, now: i64) -> Vec<Exchange> {
+    pub(super) fn begin(&mut self, mut exchange: Exchange, now: i64) -> Vec<Exchange> {
+        if exchange.is_suppressed() {
+            exchange.deadline = now.saturating_add(REFUSAL_TIME);
+        }
         let mut ended = Vec::new();
         let link = exchange.link;
         let given_up = |old: &Exchange| {
@@ -149,7 +160,11 @@ impl Exchanges {
 
     /// Links without requests are kept only as long as the timer queue has an entry of them.
     fn tidy(&mut self, link: Link) {
-        if self.waiting.get(&link).is_some_and(|waiting| waiting.exchanges.is_empty() && !waiting.queued) {
+        if self
+            .waiting
+            .get(&link)
+            .is_some_and(|waiting| waiting.exchanges.is_empty() && waiting.queued.is_none())
+        {
             self.waiting.remove(&link);
         }
     }
@@ -203,14 +218,15 @@ impl Exchanges {
     pub(super) fn arm(&mut self, link: Link) -> Option<i64> {
         let waiting = self.waiting.get_mut(&link)?;
         let deadline = waiting.exchanges.iter().map(|exchange| exchange.deadline).min()?;
-        (!std::mem::replace(&mut waiting.queued, true)).then_some(deadline)
+        let is_first = waiting.queued.is_none_or(|queued| deadline < queued);
+        is_first.then(|| *waiting.queued.insert(deadline))
     }
 
     /// The timer entry of a link came due: those whose time is over, with their deadlines. While its answer
     /// is on its way (`is_answering`), a request goes on waiting.
     pub(super) fn due(&mut self, link: Link, now: i64, is_answering: bool) -> Vec<(Exchange, i64)> {
         let Some(waiting) = self.waiting.get_mut(&link) else { return Vec::new() };
-        waiting.queued = false;
+        waiting.queued = waiting.queued.filter(|queued| *queued > now);
         if is_answering {
             for exchange in &mut waiting.exchanges {
                 exchange.deadline = exchange.deadline.max(now.saturating_add(SILENCE));
