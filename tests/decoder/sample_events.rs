@@ -547,6 +547,7 @@ fn findings() -> Vec<EventKind> {
         cause: Some(7),
         downgraded: Some("the protocol is presumed only".into()),
         count: 3,
+        is_at_end: true,
         source: Some("CiA 301 §7.2.4".into()),
     };
     let plain = FindingNews {
@@ -555,13 +556,14 @@ fn findings() -> Vec<EventKind> {
         about: None,
         cause: None,
         downgraded: None,
+        is_at_end: false,
         source: None,
         severity: Severity::Error,
         ..news.clone()
     };
     let (opened, closed) = (EventKind::FindingOpened, EventKind::FindingClosed);
     vec![
-        opened(Box::new(news.clone())),
+        opened(Box::new(FindingNews { is_at_end: false, ..news.clone() })),
         opened(Box::new(plain.clone())),
         closed(Box::new(news)),
         closed(Box::new(plain)),

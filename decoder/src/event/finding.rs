@@ -30,6 +30,8 @@ pub struct FindingNews {
     pub downgraded: Option<String>,
     /// Times seen since it opened.
     pub count: u64,
+    /// It closes because the capture ends: nothing tells that it is over.
+    pub is_at_end: bool,
     /// Section of the manual, or clause, that says so.
     pub source: Option<Arc<str>>,
 }

@@ -181,7 +181,7 @@ impl Engine {
             let is_repeated = said.count > 1;
             let kind = match one.what {
                 What::Opened => EventKind::FindingOpened(Box::new(said)),
-                What::Closed => EventKind::FindingClosed(Box::new(said)),
+                What::Closed | What::Ended => EventKind::FindingClosed(Box::new(said)),
             };
             let event = Event {
                 time: one.at.time,

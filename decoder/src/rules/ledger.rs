@@ -66,6 +66,8 @@ pub(super) struct News {
 pub(super) enum What {
     Opened,
     Closed,
+    /// Closed because nothing comes any more.
+    Ended,
 }
 
 /// A rule at a node of a bus, or anywhere on it.
@@ -292,22 +294,22 @@ impl Ledger {
         if over > now {
             return Some(over);
         }
-        self.close(place, at);
+        self.close(place, What::Closed, at);
         None
     }
 
     /// Closes a group that its rule says is over.
     pub(super) fn close_key(&mut self, key: &Key, at: Occurrence) {
         if let Some(place) = self.by_key.get(key).copied() {
-            self.close(place, at);
+            self.close(place, What::Closed, at);
         }
     }
 
-    fn close(&mut self, place: usize, at: Occurrence) {
+    fn close(&mut self, place: usize, what: What, at: Occurrence) {
         if let Some(group) = self.groups.get_mut(place)
             && std::mem::replace(&mut group.is_open, false)
         {
-            self.news.push(News { group: place, what: What::Closed, at });
+            self.news.push(News { group: place, what, at });
         }
     }
 
@@ -316,7 +318,7 @@ impl Ledger {
         let at = occurrence(bus.stamp_of(bus.now()), FrameRange::one(bus.last_frame()));
         for place in 0..self.groups.len() {
             if self.groups.get(place).is_some_and(|group| group.key.bus == bus.index()) {
-                self.close(place, at);
+                self.close(place, What::Ended, at);
             }
         }
     }
@@ -336,7 +338,7 @@ impl Ledger {
             other => about = Some(other.to_string()),
         }
         let text = match (&group.worst, news.what) {
-            (Some((_, text, _)), What::Closed) => text.clone(),
+            (Some((_, text, _)), What::Closed | What::Ended) => text.clone(),
             _ => course.said.clone(),
         };
         let cause = match group.cause {
@@ -355,6 +357,7 @@ impl Ledger {
             cause,
             downgraded: group.downgraded.clone(),
             count: course.since_open,
+            is_at_end: news.what == What::Ended,
             source: rule.source.clone(),
         };
         Some((group, news))

@@ -25,6 +25,9 @@ pub(super) fn finding(news: &FindingNews, fields: &mut dyn Fields) {
         fields.field("downgraded", FieldValue::Text(reason));
     }
     fields.field("count", FieldValue::Unsigned(news.count));
+    if news.is_at_end {
+        fields.field("at_end", FieldValue::Bool(true));
+    }
     if let Some(source) = &news.source {
         fields.field("source", FieldValue::Text(source));
     }

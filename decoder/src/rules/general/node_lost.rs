@@ -78,7 +78,7 @@ impl NodeLost {
             .severity(severity)
             .measure(interval / expected)
             .frames(frames)
-            .say(|| format!("heartbeat after {interval:.0} ms; 1017 says {expected:.0} ms"));
+            .say(|| format!("heartbeat after {interval:.0} ms; 1017:00 says {expected:.0} ms"));
     }
 
     fn lost(&self, event: &Event, silence: &Silence, context: &mut Context<'_>) {

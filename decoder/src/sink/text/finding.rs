@@ -15,7 +15,7 @@ pub(super) fn words(kind: &EventKind) -> Option<(&'static str, String, Tone)> {
     };
     let mut what = String::new();
     if is_over {
-        what.push_str("over: ");
+        what.push_str(if news.is_at_end { "still open at the end: " } else { "over: " });
     }
     let object = news.object.map(|object| object.to_string());
     let pgn = news.pgn.map(|pgn| format!("PGN {pgn}/{pgn:04X}"));
