@@ -192,7 +192,10 @@ fn a_silent_node_in_plain_canopen() {
     assert!(page.starts_with("first fault at 1.200 s, node 2/02\n"), "{page}");
     assert!(page.contains("\n  operational, silent\n"), "{page}");
     assert!(page.contains("\n  1. supply and connector of the node"), "{page}");
-    assert_eq!(text(&["--node", "5", capture], "").lines().next().unwrap(), "no fault in this capture");
+    assert_eq!(
+        text(&["--node", "5", capture], "").lines().next().unwrap(),
+        "no fault of node 5/05 in this capture; what rules find in it: cobscope check"
+    );
     assert_eq!(answer(&["--node", "5", capture], "")["fault"], Value::Null);
     let answer = answer(&["--node", "2", "--at", "6", capture], "");
     assert_eq!((&answer["fault"]["seconds"], &answer["nodes"][0]["lost"]), (&json!(5.1), &json!(true)));
@@ -221,11 +224,14 @@ fn a_refused_write_where_there_is_nothing_else() {
 #[test]
 fn nothing_wrong_and_nobody_there() {
     let capture = "fixtures/canopen/pdo_mapping.log";
-    assert_eq!(text(&[capture], ""), "no fault in this capture\n");
-    let absent = "node 9/09 is not heard in this capture; nodes heard: 2\nno fault in this capture\n";
+    assert_eq!(text(&[capture], ""), "no fault in this capture; what rules find in it: cobscope check\n");
+    let absent = "node 9/09 is not heard in this capture; nodes heard: 2\nno fault of node 9/09 in this capture; what rules find in it: cobscope check\n";
     assert_eq!(text(&["--node", "9", capture], ""), absent);
     let foreign = text(&["-"], "(1700000000.000000) can0 18FEF100#0102030405060708\n");
-    assert_eq!(foreign, "bus can0 is not taken for CANopen: no sign of it\nno fault in this capture\n");
+    assert_eq!(
+        foreign,
+        "bus can0 is not taken for CANopen: no sign of it\nno fault in this capture; what rules find in it: cobscope check\n"
+    );
 }
 
 #[test]
@@ -335,7 +341,7 @@ fn a_capture_without_times() {
 #[test]
 fn several_captures_and_several_buses() {
     let page = text(&["fixtures/canopen/pdo_mapping.log", "fixtures/canopen/heartbeat_lost.log"], "");
-    assert!(page.starts_with("== fixtures/canopen/pdo_mapping.log\nno fault in this capture\n== "), "{page}");
+    assert!(page.starts_with("== fixtures/canopen/pdo_mapping.log\nno fault in this capture; what rules find in it: cobscope check\n== "), "{page}");
     // The error on the second bus is the first one.
     let log = "(1700000000.0) can0 705#05\n(1700000000.0) can1 705#05\n(1700000000.1) can1 085#3081110000000000\n\
                (1700000000.9) can0 085#3081110000000000\n";

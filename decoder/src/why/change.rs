@@ -35,8 +35,11 @@ pub(super) fn reach(event: &Event) -> Option<Reach> {
         EventKind::NmtState(change) => !matches!(change.cause, StateCause::Command | StateCause::BootUp),
         EventKind::GuardReply { toggle_error, .. } => *toggle_error,
         EventKind::SdoTransfer(transfer) => {
-            transfer.direction == Some(Direction::Download)
-                && matches!(transfer.outcome, Outcome::Complete | Outcome::Aborted | Outcome::Timeout)
+            // A read says little, unless nobody answers it.
+            let is_write = transfer.direction == Some(Direction::Download);
+            transfer.waited.is_some()
+                || is_write
+                    && matches!(transfer.outcome, Outcome::Complete | Outcome::Aborted | Outcome::Timeout)
         }
         // Lists of what was before, and answers to a request for all addresses, change nothing.
         EventKind::Dtc(dtc) => dtc.action != DtcAction::PreviouslyActive,

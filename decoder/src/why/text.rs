@@ -99,7 +99,14 @@ impl Page<'_> {
             self.line(0, &format!("{} is not heard {end}; nodes heard: {others}", chosen.node.words()));
         }
         let Some(moment) = &report.moment else {
-            return self.line(0, &format!("no fault {end}"));
+            let of = report
+                .question
+                .chosen
+                .as_ref()
+                .map_or(String::new(), |it| format!(" of {}", it.node.words()));
+            let rules =
+                if self.setting.at.is_none() { "; what rules find in it: cobscope check" } else { "" };
+            return self.line(0, &format!("no fault{of} {end}{rules}"));
         };
         let which = if report.question.latest { "last" } else { "first" };
         let kind = moment.kinds.iter().max_by_key(|kind| kind.grade());
