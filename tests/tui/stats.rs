@@ -215,3 +215,11 @@ fn identifiers_of_j1939_are_named_by_their_group() {
     let text = run(&["stats", "-"], &lines).stdout;
     assert!(!text.contains("FF00 "), "{text}");
 }
+
+#[test]
+fn an_error_code_has_the_name_the_device_gives_it() {
+    let capture = "fixtures/devices/pve.log";
+    let of = |arguments: &[&str]| run(&[&["stats"], arguments, &[capture]].concat(), "").stdout;
+    assert!(of(&[]).contains("EMCY 8305 no CiA 301 code: "), "{}", of(&[]));
+    assert!(of(&["--node", "32=danfoss-pve-ci"]).contains("EMCY 8305 spool position error: "));
+}

@@ -176,7 +176,7 @@ impl Device {
     pub fn error_text(&self, code: u16) -> &str {
         match self.error(code) {
             Some(error) => &error.text,
-            None => emcy_codes().text(u32::from(code)),
+            None => emcy_codes().find(u32::from(code)).map_or("no CiA 301 code", |known| &known.text),
         }
     }
 

@@ -47,12 +47,9 @@ pub(super) fn push_words(emergency: &Emergency, device: &Device, out: &mut Vec<u
 }
 
 fn push_error(code: u16, emergency: &Emergency, device: &Device, out: &mut Vec<u8>) {
-    let standard = || profile::emcy_codes().find(u32::from(code)).map(|entry| entry.text.as_str());
-    let own = device.error(code).map(|error| error.text.as_str());
-    let text = own.or_else(standard).unwrap_or("no CiA 301 code");
     push_code(out, u32::from(code), 4);
     out.push(b' ');
-    out.extend_from_slice(text.as_bytes());
+    out.extend_from_slice(device.error_text(code).as_bytes());
     if let Some(reaction) = device.error(code).and_then(|error| error.reaction.as_ref()) {
         // Writing to a vector cannot fail.
         let _ = write!(out, " → {reaction}");

@@ -194,7 +194,9 @@ fn codes(bus: &Bus, statistics: &BusStatistics, text: &mut String) {
             lines.push(format!("{:>6}   SDO abort {code:08X} {words}: {count}", id.label()));
         }
         for (code, count) in node.emcy.sorted() {
-            let words = profile::emcy_codes().find(code).map_or("no CiA 301 code", |entry| &entry.text);
+            let code = u16::try_from(code).unwrap_or(0);
+            let device = bus.node(*id).map_or(profile::plain_device(), |node| node.device());
+            let words = device.error_text(code);
             lines.push(format!("{:>6}   EMCY {code:04X} {words}: {count}", id.label()));
         }
         for (key, count) in node.dtcs.sorted() {
