@@ -43,3 +43,4 @@ pub mod sink;
 pub mod statistics;
 pub mod why;
 pub mod wire;
+pub mod words;

@@ -265,7 +265,7 @@ fn a_profile_made_of_a_device_file_is_right_and_understood_alike() {
     let folder = folder("eds_import", &[("valve.toml", profile)]);
     let path = folder.join("valve.toml");
     let checked = ok(&["profiles", "check", path.to_str().unwrap()], "");
-    assert!(checked.stdout.ends_with("valve.toml: ok, 0 samples\n"), "{}", checked.stdout);
+    assert!(checked.stdout.contains("valve.toml: ok, 0 samples"), "{}", checked.stdout);
     let arguments = ["decode", "--profiles", folder.to_str().unwrap(), "--node", "5=example-valve", "-"];
     let output = ok(&arguments, PDOS).stdout;
     assert!(output.contains("TPDO1 E8 03 14: Spool position 1000?, Temperature 20?"), "{output}");

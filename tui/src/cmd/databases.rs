@@ -1,5 +1,6 @@
 //! DBC files and their JSON sibling: reading them, telling their problems, and which buses they hold on.
 
+use cobscope_decoder::words::plural;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -61,7 +62,7 @@ impl Reader {
             warn(&format!("{shown}:{problem}"));
         }
         if let Some(more) = file.problems.len().checked_sub(TOLD).filter(|more| *more > 0) {
-            warn(&format!("{shown}: {more} more problems"));
+            warn(&format!("{shown}: {}", plural(more, "more problem")));
         }
         self.files.insert(path.to_owned(), file.clone());
         Ok(file)

@@ -1,5 +1,6 @@
 //! EDS, DCF, XDD and XDC files: reading them, telling their problems, the nodes and profiles they stand for.
 
+use cobscope_decoder::words::plural;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read as _;
@@ -117,7 +118,7 @@ fn tell(path: &Path, file: &DeviceFile) {
     }
     if let Some(more) = lines.len().checked_sub(TOLD).filter(|more| *more > 0) {
         let shown = path.display();
-        warn(&format!("{shown}: {more} more problems (cobscope profiles check {shown})"));
+        warn(&format!("{shown}: {} (cobscope profiles check {shown})", plural(more, "more problem")));
     }
 }
 

@@ -1,5 +1,6 @@
 //! `cobscope objects`: what is known of a node's objects, and from where.
 
+use cobscope_decoder::words::plural;
 use std::fmt::Write as _;
 
 use cobscope_decoder::capture::BusNames;
@@ -102,7 +103,7 @@ fn tell(bus: &Bus, arguments: &ObjectsArgs, first: Option<Timestamp>, capture: &
     }
     let Some(node) = bus.node(wanted.id) else { return };
     if arguments.format == ReportFormat::Text {
-        let _ = writeln!(output, "{}: {} objects", label(bus, node), node.store().len());
+        let _ = writeln!(output, "{}: {}", label(bus, node), plural(node.store().len(), "object"));
     }
     for (object, entry) in node.store().sorted() {
         match arguments.format {
@@ -124,7 +125,7 @@ fn overview(bus: &Bus, node: &Node, format: ReportFormat, capture: &str, output:
     let count = node.store().len();
     let _ = match format {
         ReportFormat::Text => {
-            writeln!(output, "{}: {count} objects (--node {})", label(bus, node), node.id())
+            writeln!(output, "{}: {} (--node {})", label(bus, node), plural(count, "object"), node.id())
         }
         ReportFormat::Json => {
             let record =

@@ -1,5 +1,6 @@
 //! What came of recording so far.
 
+use cobscope_decoder::words::plural;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -136,7 +137,7 @@ impl fmt::Display for RecordStatus {
 }
 
 fn frames(count: u64) -> String {
-    if count == 1 { "1 frame".to_owned() } else { format!("{count} frames") }
+    plural(count, "frame")
 }
 
 fn shown(path: &Path) -> String {

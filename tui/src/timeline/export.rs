@@ -1,5 +1,6 @@
 //! Writes a part of the captures to a file: frames in any format that can be written, or the events shown.
 
+use cobscope_decoder::words::plural;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::PathBuf;
@@ -126,7 +127,7 @@ fn frames(
         }
     }
     writer.finish().context("cannot be written")?;
-    Ok(format!("{count} frames"))
+    Ok(plural(count, "frame"))
 }
 
 /// The events that are shown.
@@ -148,7 +149,7 @@ fn events(shared: &Shared, export: &Export, mut see: impl FnMut(&Told<'_>)) -> a
             break;
         }
     }
-    Ok(format!("{count} events"))
+    Ok(plural(count, "event"))
 }
 
 /// Before a frame, from the nearest mark.

@@ -1,5 +1,6 @@
 //! Schemas, channels and messages to frames.
 
+use crate::words::plural;
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -238,7 +239,8 @@ impl Records {
     /// Says at the end what was passed over.
     pub(super) fn summarise(&mut self, batch: &mut Batch) {
         if self.others > 0 && !self.is_own && !std::mem::replace(&mut self.said_others, true) {
-            let text = format!("{} messages of topics that are no CAN frames passed over", self.others);
+            let text =
+                format!("{} of topics that are no CAN frames passed over", plural(self.others, "message"));
             batch.notice(Notice::Assumption(text));
         }
     }

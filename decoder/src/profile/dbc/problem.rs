@@ -1,5 +1,6 @@
 //! What of a file was left out or read by a guess, with its place, and no more of it than people can use.
 
+use crate::words::plural;
 use std::fmt;
 
 use super::MOST_PROBLEMS;
@@ -77,7 +78,7 @@ impl<'a> Problems<'a> {
     pub(super) fn finish(mut self) -> Vec<Problem> {
         self.list.sort_by_key(|problem| (problem.line, problem.column));
         if self.others > 0 {
-            self.list.push(Problem::new(0, 0, &format!("{} more problems", self.others)));
+            self.list.push(Problem::new(0, 0, &plural(self.others, "more problem")));
         }
         self.list
     }

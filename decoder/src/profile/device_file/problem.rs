@@ -1,5 +1,6 @@
 //! What could not be read, with its line, and no more of it than people can use.
 
+use crate::words::plural;
 use std::fmt;
 
 use super::MOST_PROBLEMS;
@@ -49,7 +50,7 @@ impl Problems {
     pub(super) fn finish(mut self) -> Vec<Problem> {
         self.list.sort_by_key(|problem| problem.line);
         if self.others > 0 {
-            self.list.push(Problem { line: 0, reason: format!("{} more problems", self.others) });
+            self.list.push(Problem { line: 0, reason: plural(self.others, "more problem") });
         }
         self.list
     }

@@ -1,5 +1,6 @@
 //! A run of CiA's conformance test tool: its verdicts beside ours.
 
+use crate::words::plural;
 use std::fmt::Write as _;
 
 use super::Judged;
@@ -18,11 +19,11 @@ pub(super) fn write(judged: &Judged, out: &mut String) {
     let ours = |wanted| cases.iter().filter(|case| case.ours() == wanted).count();
     let _ = writeln!(
         out,
-        "conformance test: {} cases; the tool: {} passed, {} warnings, {} failed, {} skipped; here: {} passed, {} failed, \
+        "conformance test: {}; the tool: {} passed, {}, {} failed, {} skipped; here: {} passed, {} failed, \
          {} not exercised",
-        cases.len(),
+        plural(cases.len(), "case"),
         tool(TestResult::Passed),
-        tool(TestResult::Warning),
+        plural(tool(TestResult::Warning), "warning"),
         tool(TestResult::Failed),
         tool(TestResult::Skipped),
         ours(Verdict::Pass),

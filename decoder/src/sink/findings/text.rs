@@ -1,10 +1,11 @@
 //! Findings for people: what limits the verdicts first, the worst first, what follows from a finding beneath it,
 //! and all captures in one table at the end.
 
+use crate::words::plural;
 use std::fmt::Write as _;
 
 use super::incident::{absorbed, incidents};
-use super::{Judged, Outcome, Report, Standing, moment, notes, plural, seconds, what, when, who};
+use super::{Judged, Outcome, Report, Standing, moment, notes, seconds, what, when, who};
 use super::{conformance, coverage};
 use crate::finding::{Group, Severity, SuppressionUse, Verdict};
 use crate::sink::escape;

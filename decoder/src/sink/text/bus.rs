@@ -1,5 +1,6 @@
 //! The words of events about bus and capture rather than a node.
 
+use crate::words::plural;
 use std::fmt::Write as _;
 
 use super::Tone;
@@ -36,8 +37,10 @@ pub(super) fn words(event: &Event, words: impl Fn(&'static str, String, Tone) ->
         }
         EventKind::Malformed { error, reason } => {
             let what = format!(
-                "{reason}: {} of {} bytes there from byte {}",
-                error.available, error.needed, error.offset
+                "{reason}: {} of {} there from byte {}",
+                error.available,
+                plural(error.needed, "byte"),
+                error.offset
             );
             let what = if error.needed == 0 { (*reason).to_owned() } else { what };
             words("BAD", what, Tone::Caution)
@@ -56,8 +59,8 @@ pub(super) fn words(event: &Event, words: impl Fn(&'static str, String, Tone) ->
             Tone::Caution,
         ),
         EventKind::LostFrames { count } => {
-            let count = count.map_or("some".into(), |count| count.to_string());
-            words("DROP", format!("the recorder lost {count} frames"), Tone::Bad)
+            let count = count.map_or("some frames".into(), |count| plural(count, "frame"));
+            words("DROP", format!("the recorder lost {count}"), Tone::Bad)
         }
         EventKind::Link { state, bit_rate } => {
             let tone = if *state == LinkState::Up { Tone::Plain } else { Tone::Bad };

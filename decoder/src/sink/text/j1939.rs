@@ -1,5 +1,6 @@
 //! The words of J1939 events.
 
+use crate::words::plural;
 use std::fmt::Write as _;
 
 use super::Tone;
@@ -81,12 +82,12 @@ fn transfer_words(transfer: &J1939Transfer, bus: &Bus) -> Words {
         Some(announced) if u64::from(announced) != transfer.size => {
             format!("{} of {announced} bytes", transfer.size)
         }
-        _ => format!("{} bytes", transfer.size),
+        _ => plural(transfer.size, "byte"),
     };
     let _ = write!(what, " {size}: {}", bytes(&transfer.data));
     let tone = outcome_words(transfer, &mut what);
     if transfer.missing > 0 {
-        let _ = write!(what, ", {} packets missing", transfer.missing);
+        let _ = write!(what, ", {} missing", plural(transfer.missing, "packet"));
     }
     if transfer.repeated > 0 {
         let _ = write!(what, ", {} repeated", transfer.repeated);
@@ -243,7 +244,7 @@ fn dtc_words(dtc: &Dtc, event: &Event, bus: &Bus) -> Words {
                 (false, true) => ": gone, or hidden by a more urgent fault",
                 (false, false) => "",
             };
-            let _ = write!(what, " no longer reported{since}{how}");
+            let _ = write!(what, ", no longer reported{since}{how}");
             Tone::Caution
         }
         DtcAction::PreviouslyActive => {

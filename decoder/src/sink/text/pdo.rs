@@ -1,6 +1,7 @@
 //! The words of a PDO: most lines are one, so they are written without the formatting machinery where
 //! nothing but numbers is known.
 
+use crate::words::plural;
 use std::io::Write as _;
 
 use super::line::push_bytes;
@@ -44,7 +45,7 @@ pub(super) fn push_signals(layout: &Layout, payload: &[u8], out: &mut Vec<u8>) {
 /// ` (mapping needs 5 bytes: p missing)`.
 fn push_absent(layout: &Layout, payload: &[u8], needed: usize, out: &mut Vec<u8>) {
     // Writing to a vector cannot fail.
-    let _ = write!(out, " (mapping needs {needed} bytes");
+    let _ = write!(out, " (mapping needs {}", plural(needed, "byte"));
     let mut separator = ": ";
     for field in layout.missing(payload) {
         let short = field.meaning.as_deref().map(|meaning| meaning.short.as_ref().unwrap_or(&meaning.name));

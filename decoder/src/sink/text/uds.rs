@@ -1,5 +1,6 @@
 //! The words of ISO-TP messages and UDS exchanges.
 
+use crate::words::plural;
 use std::fmt::Write as _;
 
 use super::Tone;
@@ -51,7 +52,7 @@ fn talk(exchange: &UdsExchange, event: &Event, bus: &Bus) -> String {
 }
 
 fn isotp(message: &IsoTpTransfer) -> Words {
-    let mut what = format!("{} of {} bytes", message.size, message.announced);
+    let mut what = format!("{} of {}", message.size, plural(message.announced, "byte"));
     let (said, tone) = match message.outcome {
         MessageOutcome::Complete => (" complete", Tone::Quiet),
         MessageOutcome::Incomplete => (", frames in between not seen", Tone::Caution),

@@ -9,6 +9,7 @@ mod choice;
 mod input;
 mod output;
 
+use crate::words::unreadable;
 use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 
@@ -141,7 +142,7 @@ impl Conversion {
         }
         input.progress.finish();
         if self.unreadable > NAMED {
-            say(&format!("{} lines or records could not be read", self.unreadable));
+            say(&format!("{} could not be read", unreadable(self.unreadable)));
         }
         if !has_frames {
             complain(&anyhow::anyhow!("{}: holds no frame", input.names()));

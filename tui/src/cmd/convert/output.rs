@@ -1,5 +1,6 @@
 //! What is written: one file, several, or standard output.
 
+use cobscope_decoder::words::plural;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -197,7 +198,7 @@ impl Output {
             ));
         }
         if self.splits {
-            said.push(format!("{} frames in {} files", self.frames, self.parts));
+            said.push(format!("{} in {}", plural(self.frames, "frame"), plural(self.parts, "file")));
         }
         Ok(said)
     }

@@ -1,5 +1,6 @@
 //! One frame in candump's log form: what its identifier means, and what the decoder makes of it alone.
 
+use cobscope_decoder::words::plural;
 use std::fmt::Write as _;
 use std::sync::Arc;
 
@@ -169,7 +170,8 @@ fn command(frame: &Frame) -> String {
         Err(missing) => {
             let (needed, offset, available) = (missing.needed, missing.offset, missing.available);
             format!(
-                "     too short for its command: {available} of {needed} bytes there from byte {offset}\n"
+                "     too short for its command: {available} of {} there from byte {offset}\n",
+                plural(needed, "byte")
             )
         }
     };

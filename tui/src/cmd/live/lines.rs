@@ -1,5 +1,6 @@
 //! Live buses as lines, and judged.
 
+use cobscope_decoder::words::plural;
 use std::collections::BTreeSet;
 use std::io::Write as _;
 use std::sync::Arc;
@@ -72,7 +73,7 @@ pub(super) fn watch(
     watch.tell_troubles(&live);
     let exit = watch.finish(arguments, &live);
     for bus in &live.buses {
-        say(&format!("{}; {} lost", shown(bus), plural(bus.lost)));
+        say(&format!("{}; {} lost", shown(bus), plural(bus.lost, "frame")));
     }
     if let Some(outcome) = &outcome {
         say(&format!("recorded {outcome}"));
@@ -100,10 +101,6 @@ fn greet(live: &Live) {
 
 fn say(text: &str) {
     let _ = writeln!(std::io::stderr(), "cobscope: {}", escape(text));
-}
-
-fn plural(count: u64) -> String {
-    if count == 1 { "1 frame".into() } else { format!("{count} frames") }
 }
 
 /// Becomes true when the program is told to end, by Ctrl-C or otherwise.

@@ -12,6 +12,7 @@
 mod rows;
 
 use cobscope_decoder::wire::canopen::ObjectAddress;
+use cobscope_decoder::words::plural;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
@@ -112,8 +113,7 @@ impl Objects {
 
     fn head(&self, core: &Core, subject: &Subject<'_>, count: usize) -> Line<'static> {
         let found = match self.search.is_empty() {
-            true if count == 1 => "1 object".into(),
-            true => format!("{count} objects"),
+            true => plural(count, "object"),
             false => format!("{count} with \"{}\"", self.search),
         };
         let time = core.seconds(core.time()).map_or(String::new(), |time| format!(" at {time:.3} s"));

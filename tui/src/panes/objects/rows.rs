@@ -4,6 +4,7 @@
 //! 6300:01  Spool set point  37.5 %  00 18  sent {69}  3.194 s
 //! ```
 
+use cobscope_decoder::words::plural;
 use std::cmp::Ordering;
 
 use cobscope_decoder::profile::{Dictionary, Meaning, Value, integer};
@@ -152,7 +153,7 @@ impl<'a> Subject<'a> {
         if let Some(entry) = known.entry {
             let data = entry.value.iter().take(LONGEST).map(|byte| format!("{byte:02X}"));
             let more = if entry.size > LONGEST as u64 { " …" } else { "" };
-            let bytes = if entry.size == 1 { "1 byte".into() } else { format!("{} bytes", entry.size) };
+            let bytes = plural(entry.size, "byte");
             lines.push(format!("{bytes}: {}{more}", data.collect::<Vec<_>>().join(" ")));
         }
         let waits = self.waits(known);
