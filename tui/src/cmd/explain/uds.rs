@@ -1,6 +1,5 @@
 //! What UDS is: a negative response code, an identifier, a frame on an identifier that has addresses.
 
-use cobscope_decoder::words::plural;
 use std::fmt::Write as _;
 
 use cobscope_decoder::frame::{CanId, Frame};
@@ -8,6 +7,7 @@ use cobscope_decoder::profile::{self, Device, Value};
 use cobscope_decoder::wire::canopen::emcy::ByteOrder;
 use cobscope_decoder::wire::isotp::{self, Addresses, FlowStatus, IsoTp, Scheme};
 use cobscope_decoder::wire::uds::{self, Uds};
+use cobscope_decoder::words::plural;
 
 use super::asked::Asked;
 use super::code::section_of;
