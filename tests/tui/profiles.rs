@@ -110,6 +110,24 @@ fn an_id_that_no_option_can_name_is_no_id() {
 }
 
 #[test]
+fn a_set_point_without_gates_says_why_nothing_is_known() {
+    let text = format!(
+        "{PUMP}\n[[object]]\nindex = 0x2005\nname = \"Pressure set point\"\ntype = \"UNSIGNED16\"\n\
+         unit = \"bar\"\nscale = 0.1\nrole = \"set-point\"\n\n\
+         [[pdo]]\npdo = \"RPDO1\"\nmapping = \"fixed\"\nfields = [ {{ object = \"2005:00\", bits = 16 }} ]\n"
+    );
+    let folder = folder("gateless", &text);
+    let frames = "(1.0) can0 705#05\n(1.1) can0 205#D007\n";
+    let output = run(
+        &["decode", "--protocol", "canopen", "--profiles", &path(&folder), "--node", "5=acme-pump"],
+        frames,
+    );
+    let line = output.stdout.lines().find(|line| line.contains("SETPT")).unwrap_or_default();
+    let said = "Pressure set point 200.0 bar effective? not known: the profile has no gates for it";
+    assert!(line.contains(said), "{}{}", output.stdout, output.stderr);
+}
+
+#[test]
 fn a_page_holds_what_the_profile_says() {
     let folder = folder("show", PUMP);
     let output = run(&["profiles", "show", "--profiles", &path(&folder), "acme-pump"], "");

@@ -1,6 +1,5 @@
 //! The words of events about bus and capture rather than a node.
 
-use crate::words::plural;
 use std::fmt::Write as _;
 
 use super::Tone;
@@ -10,6 +9,7 @@ use crate::event::{Event, EventKind, Undecoded};
 use crate::frame::{FrameFlags, LinkState};
 use crate::query::record::{can_error_text, time_of_day};
 use crate::wire::canopen::test_marker::TestMarker;
+use crate::words::plural;
 
 /// Kinds that are about bus and capture rather than a node.
 pub(super) fn words(event: &Event, words: impl Fn(&'static str, String, Tone) -> Words) -> Words {

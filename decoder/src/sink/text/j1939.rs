@@ -1,6 +1,5 @@
 //! The words of J1939 events.
 
-use crate::words::plural;
 use std::fmt::Write as _;
 
 use super::Tone;
@@ -15,6 +14,7 @@ use crate::query::record::device as device_of;
 use crate::session::Bus;
 use crate::wire::NodeId;
 use crate::wire::j1939::{ALL, Name, Pgn};
+use crate::words::plural;
 
 /// The words of a J1939 event; `None` if it is none.
 pub(super) fn words(event: &Event, bus: &Bus) -> Option<Words> {
@@ -248,11 +248,11 @@ fn dtc_words(dtc: &Dtc, event: &Event, bus: &Bus) -> Words {
             Tone::Caution
         }
         DtcAction::PreviouslyActive => {
-            what.push_str(" was active before");
+            what.push_str(", was active before");
             Tone::Plain
         }
         DtcAction::Cleared => {
-            let _ = write!(what, " cleared{since}");
+            let _ = write!(what, ", cleared{since}");
             Tone::Good
         }
     };

@@ -1,7 +1,6 @@
 //! The words of a PDO: most lines are one, so they are written without the formatting machinery where
 //! nothing but numbers is known.
 
-use crate::words::plural;
 use std::io::Write as _;
 
 use super::line::push_bytes;
@@ -9,6 +8,7 @@ use crate::event::{Event, Pdo};
 use crate::profile::device::Mapping;
 use crate::profile::{Device, Layout, Meaning, PdoDirection, Signal, Value};
 use crate::sink::ascii::{push_code, push_decimal, push_integer};
+use crate::words::plural;
 
 /// Appends `TPDO1 37 06: 6041:00=1591`, `TPDO1 08 A0 1F 00 20: status 08h pressure control, p 157.5 bar of 315`.
 pub(super) fn push_words(pdo: &Pdo, out: &mut Vec<u8>) {

@@ -1,6 +1,5 @@
 //! The words of ISO-TP messages and UDS exchanges.
 
-use crate::words::plural;
 use std::fmt::Write as _;
 
 use super::Tone;
@@ -9,6 +8,7 @@ use crate::event::{Ends, Event, EventKind, ExchangeOutcome, IsoTpTransfer, Messa
 use crate::profile::{Device, Effect, UdsService, Value, ValueIn, uds};
 use crate::query::record::device as device_of;
 use crate::session::Bus;
+use crate::words::plural;
 
 /// The columns of an event of ISO-TP or UDS; `None` if it is none.
 pub(super) fn words(event: &Event, bus: &Bus) -> Option<Words> {
