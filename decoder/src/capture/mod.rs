@@ -47,10 +47,10 @@ mod text;
 mod trc;
 mod writer;
 
-use crate::words::plural;
 use std::fmt;
 
 use crate::frame::{BusIndex, LinkState, Timestamp};
+use crate::words::plural;
 
 pub use batch::{BATCH_FRAMES, Batch, Item};
 pub use candump::TimeStyle;

@@ -1,12 +1,12 @@
 //! DBC files and their JSON sibling: reading them, telling their problems, and which buses they hold on.
 
-use cobscope_decoder::words::plural;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use cobscope_decoder::bus_file::BusFile;
 use cobscope_decoder::profile::dbc::{self, Database, DatabaseFile};
+use cobscope_decoder::words::plural;
 
 use super::device_files::bytes;
 use super::input::warn;

@@ -1,6 +1,5 @@
 //! EDS, DCF, XDD and XDC files: reading them, telling their problems, the nodes and profiles they stand for.
 
-use cobscope_decoder::words::plural;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read as _;
@@ -13,6 +12,7 @@ use cobscope_decoder::profile::device_file::{self, DeviceFile};
 use cobscope_decoder::profile::{Catalogue, Device, imported};
 use cobscope_decoder::session::{AssignedBy, Assignment};
 use cobscope_decoder::wire::NodeId;
+use cobscope_decoder::words::plural;
 
 use super::input::warn;
 use crate::cli::{FileArg, InputArgs};

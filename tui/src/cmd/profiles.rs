@@ -1,6 +1,5 @@
 //! `cobscope profiles`: the devices that are known, what is known of them, whether a profile is right.
 
-use cobscope_decoder::words::plural;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::Path;
@@ -10,6 +9,7 @@ use cobscope_decoder::profile::{Catalogue, Device, ProfileError, check, check_id
 use cobscope_decoder::rules::check_names;
 use cobscope_decoder::samples::check_samples;
 use cobscope_decoder::sink::escape;
+use cobscope_decoder::words::plural;
 
 use super::device_files;
 use super::profile_markdown::markdown;

@@ -10,7 +10,6 @@
 //!
 //! Bytes the last frame changed stand out, those that never changed step back.
 
-use cobscope_decoder::words::plural;
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
@@ -20,6 +19,7 @@ use cobscope_decoder::session::Bus;
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::statistics::{IdentifierRow, Identifiers, MOST_ROWS};
 use cobscope_decoder::wire::j1939::J1939Id;
+use cobscope_decoder::words::plural;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;

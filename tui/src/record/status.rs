@@ -1,11 +1,11 @@
 //! What came of recording so far.
 
-use cobscope_decoder::words::plural;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
 use cobscope_decoder::capture::Notice;
 use cobscope_decoder::sink::escape;
+use cobscope_decoder::words::plural;
 
 use crate::figures::bytes;
 

@@ -1,6 +1,5 @@
 //! Writes a part of the captures to a file: frames in any format that can be written, or the events shown.
 
-use cobscope_decoder::words::plural;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::PathBuf;
@@ -12,6 +11,7 @@ use cobscope_decoder::capture::{WritableFormat, WriteOptions};
 use cobscope_decoder::replay::{Spot, Told};
 use cobscope_decoder::sink::jsonl::Jsonl;
 use cobscope_decoder::sink::text::{PdoLines, Text, TextOptions};
+use cobscope_decoder::words::plural;
 
 use super::shared::Shared;
 use super::walk::Walk;

@@ -1,6 +1,5 @@
 //! Schemas, channels and messages to frames.
 
-use crate::words::plural;
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -11,6 +10,7 @@ use super::{LIBRARY, key, unreadable};
 use crate::capture::remark::Remark;
 use crate::capture::{Batch, BusNames, MAX_BUS_NAME, MAX_BUSES, Notice, Place};
 use crate::frame::{BusIndex, Frame, FrameFlags, Timestamp};
+use crate::words::plural;
 
 /// Last parts of topics that say what goes over them, not which bus: those of ros2_socketcan and of ROS 1's
 /// socketcan_bridge. The directions are those of the host.

@@ -1,10 +1,10 @@
 //! What of a file was left out or read by a guess, with its place, and no more of it than people can use.
 
-use crate::words::plural;
 use std::fmt;
 
 use super::MOST_PROBLEMS;
 use crate::profile::quoted::printable;
+use crate::words::plural;
 
 /// Characters of a reason.
 const LONGEST_REASON: usize = 300;

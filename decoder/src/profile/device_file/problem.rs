@@ -1,10 +1,10 @@
 //! What could not be read, with its line, and no more of it than people can use.
 
-use crate::words::plural;
 use std::fmt;
 
 use super::MOST_PROBLEMS;
 use crate::profile::quoted::printable;
+use crate::words::plural;
 
 /// Characters of a reason.
 const LONGEST_REASON: usize = 300;

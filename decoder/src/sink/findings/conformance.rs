@@ -1,6 +1,5 @@
 //! A run of CiA's conformance test tool: its verdicts beside ours.
 
-use crate::words::plural;
 use std::fmt::Write as _;
 
 use super::Judged;
@@ -8,6 +7,7 @@ use crate::event::FrameRange;
 use crate::finding::{CaseVerdict, Verdict};
 use crate::sink::escape;
 use crate::wire::canopen::test_marker::TestResult;
+use crate::words::plural;
 
 /// A conformance test that was run: what the tool said, and where ours differs and why.
 pub(super) fn write(judged: &Judged, out: &mut String) {

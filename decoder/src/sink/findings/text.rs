@@ -1,7 +1,6 @@
 //! Findings for people: what limits the verdicts first, the worst first, what follows from a finding beneath it,
 //! and all captures in one table at the end.
 
-use crate::words::plural;
 use std::fmt::Write as _;
 
 use super::incident::{absorbed, incidents};
@@ -10,6 +9,7 @@ use super::{conformance, coverage};
 use crate::finding::{Group, Severity, SuppressionUse, Verdict};
 use crate::sink::escape;
 use crate::sink::table::{Align, Table};
+use crate::words::plural;
 
 /// Incidents of a capture that are told unless all are asked for; the others are counted.
 const SHOWN_INCIDENTS: usize = 50;

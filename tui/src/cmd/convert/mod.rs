@@ -9,7 +9,6 @@ mod choice;
 mod input;
 mod output;
 
-use crate::words::unreadable;
 use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 
@@ -23,6 +22,7 @@ use super::input::session_options;
 use crate::cli::ConvertArgs;
 use crate::exit_code::Exit;
 use crate::record::format;
+use crate::words::unreadable;
 use choice::Choice;
 use input::Input;
 use output::Output;

@@ -1,6 +1,5 @@
 //! What is written: one file, several, or standard output.
 
-use cobscope_decoder::words::plural;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -11,6 +10,7 @@ use anyhow::{Context as _, ensure};
 use cobscope_decoder::capture::{BusNames, FrameWriter, Losses, Notice, WritableFormat, WriteOptions};
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::sink::escape;
+use cobscope_decoder::words::plural;
 
 use crate::cli::ConvertArgs;
 use crate::record::Names;

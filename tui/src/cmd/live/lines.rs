@@ -1,6 +1,5 @@
 //! Live buses as lines, and judged.
 
-use cobscope_decoder::words::plural;
 use std::collections::BTreeSet;
 use std::io::Write as _;
 use std::sync::Arc;
@@ -19,6 +18,7 @@ use cobscope_decoder::session::{Bus, Observer};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::findings::text::{self, TextOptions};
 use cobscope_decoder::sink::findings::{Judged, Report, jsonl};
+use cobscope_decoder::words::plural;
 
 use super::pump::{Came, Pump};
 use super::{Refusal, is_down, open, recorder, shown};

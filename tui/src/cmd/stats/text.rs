@@ -1,6 +1,5 @@
 //! Statistics as tables.
 
-use cobscope_decoder::words::plural;
 use std::fmt::Write as _;
 
 use cobscope_decoder::event::Certainty;
@@ -9,6 +8,7 @@ use cobscope_decoder::session::{Bus, Node};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::table::{Align, Table};
 use cobscope_decoder::statistics::{BusStatistics, Distribution, Intervals, NodeStatistics, dtc_of_key};
+use cobscope_decoder::words::plural;
 
 use super::{Report, j1939};
 use crate::figures::{millis, seconds};

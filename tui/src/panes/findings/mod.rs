@@ -13,11 +13,11 @@
 mod detail;
 mod rows;
 
-use cobscope_decoder::words::plural;
 use std::borrow::Cow;
 use std::collections::BTreeSet;
 
 use cobscope_decoder::finding::Verdict;
+use cobscope_decoder::words::plural;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;

@@ -1,6 +1,5 @@
 //! What there is to say of the selected row, below the table.
 
-use cobscope_decoder::words::plural;
 use std::fmt::Write as _;
 
 use cobscope_decoder::event::{BootCause, Effective, StateCause};
@@ -12,6 +11,7 @@ use cobscope_decoder::sink::escape;
 use cobscope_decoder::statistics::IdentifierRow;
 use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::wire::canopen::ObjectAddress;
+use cobscope_decoder::words::plural;
 use ratatui::text::{Line as Text, Span};
 
 use super::line::{Key, age, period};

@@ -4,13 +4,13 @@
 //! 6300:01  Spool set point  37.5 %  00 18  sent {69}  3.194 s
 //! ```
 
-use cobscope_decoder::words::plural;
 use std::cmp::Ordering;
 
 use cobscope_decoder::profile::{Dictionary, Meaning, Value, integer};
 use cobscope_decoder::session::{Bus, Entry, Node};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::canopen::ObjectAddress;
+use cobscope_decoder::words::plural;
 
 use crate::app::{Core, NodeKey};
 use crate::panes::detail::meaning;
