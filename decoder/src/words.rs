@@ -7,7 +7,7 @@
 use std::fmt::Display;
 
 /// A count of things: `1 error`, `2 errors`.
-pub fn plural<N: Display + PartialEq + From<u8>>(count: N, what: &str) -> String {
+pub fn plural<N: Copy + Display + PartialEq + From<u8>>(count: N, what: &str) -> String {
     let ending = if count == N::from(1) { "" } else { "s" };
     format!("{count} {what}{ending}")
 }

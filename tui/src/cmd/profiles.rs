@@ -189,7 +189,9 @@ fn check_one(path: &Path, name: &str, text: &str) -> bool {
     let Ok(file) = ProfileFile::parse(text) else { return false };
     let ids = check_ids(text);
     if !ids.is_empty() {
-        ids.iter().for_each(|error| complain(&error.show(name)));
+        for error in &ids {
+            complain(&error.show(name));
+        }
         return false;
     }
     let variants: Vec<Option<&str>> = match file.variants() {

@@ -112,9 +112,10 @@ impl Objects {
     }
 
     fn head(&self, core: &Core, subject: &Subject<'_>, count: usize) -> Line<'static> {
-        let found = match self.search.is_empty() {
-            true => plural(count, "object"),
-            false => format!("{count} with \"{}\"", self.search),
+        let found = if self.search.is_empty() {
+            plural(count, "object")
+        } else {
+            format!("{count} with \"{}\"", self.search)
         };
         let time = core.seconds(core.time()).map_or(String::new(), |time| format!(" at {time:.3} s"));
         let others = rows::nodes(core).len().saturating_sub(1);
