@@ -1,4 +1,4 @@
-//! CAN captures to annotated CANopen events.
+//! CAN captures to annotated events of CANopen, J1939 and UDS devices.
 //!
 //! ```text
 //! bytes ─capture─▶ Frame ─session: route─▶ wire ─▶ Message ─session (+ profile)─▶ Event ─rules─▶ Finding ─▶ sink, query, statistics
@@ -43,3 +43,4 @@ pub mod sink;
 pub mod statistics;
 pub mod why;
 pub mod wire;
+pub mod words;

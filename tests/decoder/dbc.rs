@@ -417,7 +417,7 @@ const CORPUS: [(&str, usize, usize, usize); 56] = [
 const DEFECTS: [(&str, &str); 9] = [
     (
         "cantools__bad_message_length.dbc",
-        "40:2: signal \"Signal1\" left out: it ends behind its message of 1 bytes",
+        "40:2: signal \"Signal1\" left out: it ends behind its message of 1 byte",
     ),
     (
         "opendbc__mazda_2017.dbc",

@@ -10,23 +10,36 @@ use crate::support::workspace;
 /// Which folders and files of `decoder/src` may name which: the data flows from left to right, and
 /// `decoder.rs` alone knows every stage; `samples.rs` runs it. `lib.rs` only lists them.
 const LAYERS: &[(&str, &[&str])] = &[
+    ("words", &[]),
     ("frame", &[]),
-    ("capture", &["frame"]),
-    ("wire", &["frame"]),
-    ("profile", &["frame", "wire"]),
-    ("event", &["frame", "wire", "profile"]),
-    ("finding", &["frame", "wire", "profile", "event"]),
-    ("bus_file", &["frame", "wire", "profile"]),
-    ("session", &["frame", "wire", "profile", "event", "bus_file"]),
-    ("query", &["frame", "wire", "profile", "event", "session"]),
-    ("statistics", &["frame", "wire", "profile", "event", "session", "query"]),
+    ("capture", &["words", "frame"]),
+    ("wire", &["words", "frame"]),
+    ("profile", &["words", "frame", "wire"]),
+    ("event", &["words", "frame", "wire", "profile"]),
+    ("finding", &["words", "frame", "wire", "profile", "event"]),
+    ("bus_file", &["words", "frame", "wire", "profile"]),
+    ("session", &["words", "frame", "wire", "profile", "event", "bus_file"]),
+    ("query", &["words", "frame", "wire", "profile", "event", "session"]),
+    ("statistics", &["words", "frame", "wire", "profile", "event", "session", "query"]),
     (
         "rules",
-        &["frame", "wire", "profile", "event", "finding", "bus_file", "session", "query", "statistics"],
+        &[
+            "words",
+            "frame",
+            "wire",
+            "profile",
+            "event",
+            "finding",
+            "bus_file",
+            "session",
+            "query",
+            "statistics",
+        ],
     ),
     (
         "sink",
         &[
+            "words",
             "frame",
             "capture",
             "wire",
@@ -39,10 +52,13 @@ const LAYERS: &[(&str, &[&str])] = &[
             "rules",
         ],
     ),
-    ("why", &["frame", "wire", "profile", "event", "session", "query", "statistics", "sink"]),
-    ("decoder", &["frame", "capture", "wire", "profile", "event", "session", "query", "statistics", "sink"]),
-    ("replay", &["frame", "wire", "capture", "event", "session", "statistics", "sink", "decoder"]),
-    ("samples", &["bus_file", "frame", "capture", "wire", "profile", "event", "session", "decoder"]),
+    ("why", &["words", "frame", "wire", "profile", "event", "session", "query", "statistics", "sink"]),
+    (
+        "decoder",
+        &["words", "frame", "capture", "wire", "profile", "event", "session", "query", "statistics", "sink"],
+    ),
+    ("replay", &["words", "frame", "wire", "capture", "event", "session", "statistics", "sink", "decoder"]),
+    ("samples", &["words", "bus_file", "frame", "capture", "wire", "profile", "event", "session", "decoder"]),
 ];
 
 /// Longest file in lines, tests at its foot apart.

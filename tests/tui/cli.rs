@@ -153,3 +153,58 @@ fn completions_and_the_manual_page_are_made() {
         (2, "cobscope: there is no command 'x'; cobscope --help lists them\n")
     );
 }
+
+#[test]
+fn manual_pages_name_pages_that_are_made() {
+    for (page, own) in [(vec!["man"], "cobscope"), (vec!["man", "profiles"], "cobscope-profiles")] {
+        let text = run(&page, "").stdout.replace("\\-", "-");
+        let named: Vec<_> = text.lines().filter_map(|line| line.strip_suffix("(1)")).collect();
+        assert!(named.len() > 3, "{text}");
+        for name in named {
+            assert!(name.starts_with(own) && !name.ends_with("-help"), "{name}");
+            let further = run(&["man", name.strip_prefix("cobscope-").unwrap()], "");
+            assert!(further.stdout.contains(&format!(".TH {name} 1")), "{name}: {}", further.stderr);
+        }
+    }
+}
+
+#[test]
+fn completions_offer_files_only_where_files_are_meant() {
+    let script = run(&["completions", "bash"], "").stdout;
+    for (option, wants_files) in
+        [("--node", false), ("--filter", false), ("--bitrate", false), ("--bus", true)]
+    {
+        let cases: Vec<_> = script.split(&format!(" {option})\n")).skip(1).collect();
+        assert!(!cases.is_empty(), "{option}");
+        for case in cases {
+            let case = case.split(";;").next().unwrap();
+            assert_eq!(case.contains("compgen -f"), wants_files, "{option}: {case}");
+        }
+    }
+}
+
+#[test]
+fn help_tells_what_exit_statuses_mean_and_shows_examples() {
+    for command in [vec![], vec!["check"]] {
+        let help = run(&[command.as_slice(), &["--help"]].concat(), "").stdout;
+        for status in 0..=4 {
+            assert!(help.contains(&format!("\n  {status}  ")), "{command:?} {status}: {help}");
+        }
+    }
+    let commands =
+        ["view", "live", "decode", "convert", "stats", "objects", "why", "check", "explain", "profiles"];
+    for command in commands {
+        let help = run(&[command, "--help"], "").stdout;
+        assert!(help.contains(&format!("Examples:\n  cobscope {command} ")), "{help}");
+    }
+    let view = run(&["view", "--help"], "").stdout;
+    assert!(view.contains("see --all.") && !view.contains("--pdo"), "{view}");
+}
+
+#[test]
+fn what_becomes_of_a_fault_stands_behind_a_comma() {
+    let lines = run(&["decode", "fixtures/j1939/nm_clear.log"], "").stdout;
+    for said in [", was active before", ", no longer reported after 1.000 s", ", cleared after 2.006 s"] {
+        assert!(lines.contains(said), "{said}: {lines}");
+    }
+}

@@ -61,7 +61,7 @@ fn the_formats_of_captures() {
     let mut text = String::from(
         "# Formats of captures\n\nGenerated from the program's own tables. A capture is recognised by its content, \
          whatever its name; plain, gzip or zstd. `cobscope convert IN OUT` writes what the end of OUT says, or `-f NAME`; \
-         what a format has no place for is said when it is lost.\n\n\
+         what a format has no place for is said when it is lost. Columns of CSV and Parquet are in [columns.md](columns.md).\n\n\
          | name | format | written as | has no place for |\n| --- | --- | --- | --- |\n",
     );
     for format in FORMATS {
@@ -123,6 +123,21 @@ fn the_counts_of_profiles_are_those_printed() {
             assert!(output.contains(&line), "{profile}: {line}{output}");
         }
     }
+}
+
+#[test]
+fn the_columns_of_tables() {
+    let document = fs::read_to_string(workspace().join("docs/columns.md")).unwrap();
+    let out = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("columns.csv");
+    let capture = "fixtures/machine/machine.log";
+    let values = run(&["decode", "-f", "csv", capture], "").stdout;
+    run(&["convert", "--force", capture, out.to_str().unwrap()], "");
+    for table in [values, fs::read_to_string(out).unwrap()] {
+        let header = table.lines().next().unwrap().trim_end();
+        assert!(document.contains(&format!("```text\n{header}\n```")), "{header}");
+    }
+    let wide = run(&["decode", "-f", "csv-wide", capture], "").stdout;
+    assert!(wide.starts_with("time,bus,frame"), "{wide}");
 }
 
 #[test]

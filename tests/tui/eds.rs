@@ -245,15 +245,19 @@ fn objects_against_a_dcf() {
         "node 9/09 was not seen\n"
     );
     let eds = run(&["objects", "--want", EDS, "-"], CONFIGURED);
-    assert_eq!((eds.code, eds.stderr.contains("wants nothing")), (4, true));
+    assert_eq!((eds.code, eds.stderr.contains("wants nothing: an EDS or XDD has no values")), (4, true));
+    let text = fs::read_to_string(workspace().join("fixtures/device_files/minimal.eds")).unwrap();
+    let dcf = folder("nothing-wanted", &[("a.dcf", format!("{text}\n[DeviceComissioning]\nNodeID=5\n"))]);
+    let dcf = run(&["objects", "--want", dcf.join("a.dcf").to_str().unwrap(), "-"], CONFIGURED);
+    assert!(dcf.stderr.contains("wants nothing: no object in it has a ParameterValue"), "{}", dcf.stderr);
 }
 
 #[test]
 fn objects_show_what_a_dcf_wants() {
     let output = ok(&["objects", "--eds", &format!("5={DCF}"), "--node", "5", "-"], CONFIGURED).stdout;
     let line = |object: &str| output.lines().find(|line| line.starts_with(object)).unwrap().to_owned();
-    assert!(line("1017:00").contains("500 ms?             wanted"), "{output}");
-    assert!(line("2010:00").contains("250                 read"), "{output}");
+    assert!(line("1017:00").contains("500 ms?         wanted"), "{output}");
+    assert!(line("2010:00").contains("250             read"), "{output}");
 }
 
 #[test]
@@ -265,7 +269,7 @@ fn a_profile_made_of_a_device_file_is_right_and_understood_alike() {
     let folder = folder("eds_import", &[("valve.toml", profile)]);
     let path = folder.join("valve.toml");
     let checked = ok(&["profiles", "check", path.to_str().unwrap()], "");
-    assert!(checked.stdout.ends_with("valve.toml: ok, 0 samples\n"), "{}", checked.stdout);
+    assert!(checked.stdout.contains("valve.toml: ok, 0 samples"), "{}", checked.stdout);
     let arguments = ["decode", "--profiles", folder.to_str().unwrap(), "--node", "5=example-valve", "-"];
     let output = ok(&arguments, PDOS).stdout;
     assert!(output.contains("TPDO1 E8 03 14: Spool position 1000?, Temperature 20?"), "{output}");

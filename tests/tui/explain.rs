@@ -31,10 +31,29 @@ fn one_pasted_frame() {
     let heartbeat = explain("705#05");
     assert!(heartbeat.contains("node 5/05") && heartbeat.contains("state: operational"), "{heartbeat}");
     // 0x2B: download, expedited, two bytes; 1017:00.
-    assert!(explain("601#2B171000E8030000").contains("initiate download of 1017:00, expedited, 2 bytes"));
+    let written = explain("601#2B171000E8030000");
+    assert!(written.contains("initiate download of 1017:00, expedited, 2 bytes"), "{written}");
+    assert!(written.contains("\n     1017:00 Producer heartbeat time = 1000 ms\n"), "{written}");
+    assert!(explain("601#4018100100000000").ends_with("     1018:01 Identity object, Vendor-ID\n"));
     let segment = explain("581#8101020304050607");
     assert!(segment.contains("segment 1, the last one") && !segment.contains("REFUSED"), "{segment}");
     assert!(explain("581#8017100000000206").contains("REFUSED 06020000"));
+}
+
+#[test]
+fn an_identifier_is_no_abort_code_unless_it_can_be_one() {
+    let identifier = explain("18FECA80");
+    assert!(identifier.contains("DM1") && !identifier.contains("abort"), "{identifier}");
+    assert!(explain("06090099").contains("SDO abort code: none of CiA 301"));
+}
+
+#[test]
+fn a_misspelt_rule_is_told_the_right_one() {
+    let said = |thing: &str| run(&["explain", thing], "").stderr;
+    let expected = "cobscope: explain: there is no rule 'node-los'; did you mean 'node-lost'?\n";
+    assert_eq!(said("node-los"), expected);
+    assert_eq!(said("nod-lost"), expected.replace("'node-los'", "'nod-lost'"));
+    assert!(said("whatever").contains("expected a rule"));
 }
 
 #[test]

@@ -60,3 +60,17 @@ fn a_time_in_a_capture_without_times_is_refused() {
     assert!(output.stderr.contains("has no times"), "{}", output.stderr);
     assert_eq!(run(&["objects", "--node", "200"], "").code, 2);
 }
+
+#[test]
+fn columns_stay_where_they_are() {
+    let file = "fixtures/machine/machine.log";
+    let output = run(&["objects", "--bus", "fixtures/machine/machine.bus.toml", "--node", "32", file], "");
+    let lines: Vec<Vec<char>> = output.stdout.lines().skip(1).map(|line| line.chars().collect()).collect();
+    assert!(lines.len() > 9, "{}", output.stdout);
+    for line in &lines {
+        // 1028:01 has the longest name, 45 letters; of values 24 are shown, 100A:00 has more.
+        let verb: String = line[7 + 2 + 45 + 2 + 24 + 2..].iter().take(8).collect();
+        assert!(verb == "read    " || verb == "written ", "{verb:?} in {}", output.stdout);
+    }
+    assert!(output.stdout.contains("\"APP-_S6m1_M_R131_CANOP…  read "), "{}", output.stdout);
+}

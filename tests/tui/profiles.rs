@@ -58,6 +58,76 @@ fn profiles_of_the_user_are_listed_too() {
 }
 
 #[test]
+fn bus_files_beside_profiles_are_passed_over() {
+    let folder = folder("beside", PUMP);
+    let all = ["uds/named.bus.toml", "machine/machine.bus.toml", "incidents/250k.bus.toml"];
+    for (at, file) in all.into_iter().enumerate() {
+        let file = crate::support::workspace().join("fixtures").join(file);
+        fs::copy(file, folder.join(format!("bus{at}.toml"))).unwrap();
+    }
+    fs::write(folder.join("id.toml"), "[[id]]\nid = 0x1A0\nservice = \"none\"\n").unwrap();
+    let output = run(&["profiles", "list", "--profiles", &path(&folder)], "");
+    assert_eq!((output.stderr.as_str(), output.code), ("", 0));
+    fs::write(folder.join("none.toml"), "[[object]]\nindx = 1\n").unwrap();
+    let output = run(&["profiles", "list", "--profiles", &path(&folder)], "");
+    assert!(output.stderr.contains("none.toml:2:1: unknown field `indx`"), "{}", output.stderr);
+}
+
+#[test]
+fn of_two_profiles_with_one_id_the_last_is_used_and_said() {
+    let folder = folder("twice", PUMP);
+    fs::write(folder.join("valve.toml"), PUMP).unwrap();
+    fs::write(folder.join("own.toml"), PUMP.replace("acme-pump", "rexroth-vpcd")).unwrap();
+    let output = run(&["profiles", "list", "--profiles", &path(&folder)], "");
+    let file = |name: &str| path(&folder.join(name));
+    let expected = format!(
+        "cobscope: {}: is used for rexroth-vpcd instead of this program's own\n\
+         cobscope: {}: is used for acme-pump instead of {}\n",
+        file("own.toml"),
+        file("valve.toml"),
+        file("pump.toml")
+    );
+    assert_eq!(output.stderr, expected);
+}
+
+#[test]
+fn a_profile_that_shows_nothing_by_samples_is_told_so() {
+    let unshown = folder("unshown", PUMP);
+    let file = path(&unshown.join("pump.toml"));
+    let output = run(&["profiles", "check", &file], "");
+    let expected = format!("{file}: ok, 0 samples: nothing shows that values come out right\n");
+    assert_eq!((output.stdout, output.code), (expected, 0));
+}
+
+#[test]
+fn an_id_that_no_option_can_name_is_no_id() {
+    let folder = folder("unnamed", &PUMP.replace("acme-pump", "Acme pump:a"));
+    let file = path(&folder.join("pump.toml"));
+    let output = run(&["profiles", "check", &file], "");
+    let said = format!("cobscope: {file}:1:6: 'Acme pump:a' is no id: small letters, digits and hyphens\n");
+    assert!(output.stderr.starts_with(&said), "{}", output.stderr);
+    assert_eq!((output.stdout.as_str(), output.code), ("", 4));
+}
+
+#[test]
+fn a_set_point_without_gates_says_why_nothing_is_known() {
+    let text = format!(
+        "{PUMP}\n[[object]]\nindex = 0x2005\nname = \"Pressure set point\"\ntype = \"UNSIGNED16\"\n\
+         unit = \"bar\"\nscale = 0.1\nrole = \"set-point\"\n\n\
+         [[pdo]]\npdo = \"RPDO1\"\nmapping = \"fixed\"\nfields = [ {{ object = \"2005:00\", bits = 16 }} ]\n"
+    );
+    let folder = folder("gateless", &text);
+    let frames = "(1.0) can0 705#05\n(1.1) can0 205#D007\n";
+    let output = run(
+        &["decode", "--protocol", "canopen", "--profiles", &path(&folder), "--node", "5=acme-pump"],
+        frames,
+    );
+    let line = output.stdout.lines().find(|line| line.contains("SETPT")).unwrap_or_default();
+    let said = "Pressure set point 200.0 bar effective? not known: the profile has no gates for it";
+    assert!(line.contains(said), "{}{}", output.stdout, output.stderr);
+}
+
+#[test]
 fn a_page_holds_what_the_profile_says() {
     let folder = folder("show", PUMP);
     let output = run(&["profiles", "show", "--profiles", &path(&folder), "acme-pump"], "");
@@ -173,7 +243,10 @@ fn a_right_profile_is_said_to_be_right() {
     let folder = folder("right", PUMP);
     let name = path(&folder.join("pump.toml"));
     let output = run(&["profiles", "check", &name], "");
-    assert_eq!((output.stdout, output.code), (format!("{name}: ok, 0 samples\n"), 0));
+    assert_eq!(
+        (output.stdout, output.code),
+        (format!("{name}: ok, 0 samples: nothing shows that values come out right\n"), 0)
+    );
 }
 
 #[test]
@@ -232,7 +305,7 @@ fn samples_are_run() {
     };
     let right = path(&folder("sample", &sample("49.8")).join("pump.toml"));
     let output = run(&["profiles", "check", &right], "");
-    assert_eq!((output.stdout, output.code), (format!("{right}: ok, 1 samples\n"), 0));
+    assert_eq!((output.stdout, output.code), (format!("{right}: ok, 1 sample\n"), 0));
     let wrong = path(&folder("wrong-sample", &sample("49.4")).join("pump.toml"));
     let output = run(&["profiles", "check", &wrong], "");
     let expected = format!(

@@ -5,6 +5,7 @@ mod convert;
 mod decode;
 mod input;
 mod live;
+mod notes;
 mod size;
 mod view;
 
@@ -16,20 +17,26 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 pub use check::{CheckArgs, FailOn, FindingFormat};
 pub use convert::ConvertArgs;
 pub use decode::{DecodeArgs, Format, Packing, Pdo, PrintArgs, TimeColumn};
-use input::FILTER_HELP;
+use input::filter_help;
 pub use input::{FileArg, InputArgs, NodeArg, Protocol, SelectArgs, StampStyle};
 pub use live::LiveArgs;
 pub use view::{ScreenArgs, ThemeName, ViewArgs};
 
 use crate::select::Bound;
 
-/// Read CAN buses: what did the CANopen and J1939 devices do?
+/// Read CAN buses: what did the CANopen, J1939 and UDS devices do?
 ///
 /// A capture may be candump text in any dialect, pcap, pcapng, PEAK TRC, Vector ASC or BLF, MDF4, MCAP, BUSMASTER, CRTD,
 /// CSV and text of further programs, plain or compressed with gzip or zstd; its format is found by content. `cobscope CAPTURE` is short for `cobscope view` on a
 /// terminal, and for `cobscope decode` elsewhere.
 #[derive(Debug, Parser)]
-#[command(name = "cobscope", version, max_term_width = 100)]
+#[command(
+    name = "cobscope",
+    version,
+    max_term_width = 100,
+    after_help = notes::EXIT_STATUS,
+    override_usage = "cobscope [OPTIONS] <CAPTURE>…\n       cobscope <COMMAND>"
+)]
 pub struct Cli {
     /// What to do.
     #[command(subcommand)]
@@ -42,6 +49,7 @@ pub enum Command {
     /// Look at captures: events, nodes, signals and findings in a terminal UI, at any moment
     ///
     /// Several captures are put on one line of time. ? lists the keys.
+    #[command(after_help = notes::VIEW)]
     View(ViewArgs),
     /// Watch buses as they are: CAN interfaces, serial adapters, servers, growing files
     ///
@@ -49,9 +57,13 @@ pub enum Command {
     /// (slcan:/dev/ttyACM0@500000), a bus of a server (socketcand://host/can0), - for candump text on standard input
     /// (ssh machine candump -L any | cobscope live -), or a growing file with --follow. Without SOURCE the interfaces
     /// of this computer are listed. Nothing is ever transmitted.
-    #[command(mut_arg("captures", |arg| arg.value_name("SOURCE").help("What to watch")))]
+    #[command(
+        mut_arg("captures", |arg| arg.value_name("SOURCE").help("What to watch")),
+        after_help = notes::LIVE
+    )]
     Live(Box<LiveArgs>),
     /// Print what happened, one event a line
+    #[command(after_help = notes::DECODE)]
     Decode(DecodeArgs),
     /// Write captures in another format, whole or cut: one file, or several by size or event
     ///
@@ -59,30 +71,39 @@ pub enum Command {
     /// output and wants -f. Several captures are put on one line of time. What a format has no place for is said.
     #[command(
         mut_arg("captures", |arg| arg.value_name("IN… OUT").help("Captures to read, then the file to write")),
-        override_usage = "cobscope convert [OPTIONS] <IN>… <OUT>"
+        override_usage = "cobscope convert [OPTIONS] <IN>… <OUT>",
+        after_help = notes::CONVERT
     )]
     Convert(Box<ConvertArgs>),
     /// Show who is on the bus, how often, how late, and how far the capture can be trusted
+    #[command(after_help = notes::STATS)]
     Stats(StatsArgs),
     /// Show what is known of the nodes' objects, and from where
+    ///
+    /// Long names and values are cut; -f json has them whole.
+    #[command(after_help = notes::OBJECTS)]
     Objects(ObjectsArgs),
     /// Say what went wrong first, what was before it, and what to check
     ///
     /// The node is chosen by --node 5 and told what it is by --node 5=PROFILE; both may stand together.
+    #[command(after_help = notes::WHY)]
     Why(WhyArgs),
     /// Judge captures by rules: what violates a standard, a manual or your expectations
     ///
     /// A folder stands for all captures in and below it, in the order of their names; files in it that are no
     /// captures, and hidden ones, are passed over. Ends with 1 where there are findings at or above --fail-on, a
     /// rule of --require-exercised is not exercised, or one that the baseline has exercised is not any more.
+    #[command(after_help = notes::check())]
     Check(CheckArgs),
     /// List the rules: name, severity, whether it is on, whether it judges times, the defect
     Rules(RulesArgs),
     /// Say what a code, an identifier, an object, one frame or a rule means
     ///
-    /// THING is a rule (node-lost, rexroth-sydfec:NAME; cobscope rules lists them), an SDO abort code (06020000), an EMCY code (8130), an object (1018:01, 0x1018:01,
-    /// 1018h:01h, 1018sub1), a COB-ID (185), a 29-bit identifier (18FECA80), a J1939 group (pgn:65226,
-    /// pgn:0xFECA), a J1939 fault (298985/19: SPN/FMI) or one frame in candump's log form (701#05).
+    /// THING is a rule (node-lost, rexroth-sydfec:NAME; cobscope rules lists them), an SDO abort code (06020000), an EMCY
+    /// code (8130), an object (1018:01, 0x1018:01, 1018h:01h, 1018sub1), a COB-ID (185), a 29-bit identifier (18FECA80),
+    /// a J1939 group (pgn:65226, pgn:0xFECA), a J1939 fault (298985/19: SPN/FMI), a UDS response code (nrc:31) or
+    /// identifier (did:F190), or one frame in candump's log form (701#05).
+    #[command(after_help = notes::EXPLAIN)]
     Explain {
         /// What to explain
         thing: String,
@@ -94,6 +115,7 @@ pub enum Command {
         profiles: Vec<PathBuf>,
     },
     /// List the devices that are known, show one, check a profile, make one of a device file
+    #[command(after_help = notes::PROFILES)]
     Profiles {
         /// What to do
         #[command(subcommand)]
@@ -109,7 +131,7 @@ pub enum Command {
     },
     /// Write a manual page to stdout (`cobscope man | man -l -`)
     Man {
-        /// Of this command; without, of the program as a whole
+        /// Of this command (check, profiles-import); without, of the program as a whole
         #[arg(value_name = "COMMAND")]
         of: Option<String>,
     },

@@ -9,9 +9,9 @@ pub enum Exit {
     Clean = 0,
     /// There are findings at or above `--fail-on`.
     Findings = 1,
-    /// The command line cannot be understood.
+    /// The command line cannot be understood, or an output cannot be created.
     Usage = 2,
-    /// A capture cannot be opened or recognised, or holds no frame.
+    /// A capture cannot be opened or recognised, or holds no frame; an output cannot be written to its end.
     Capture = 3,
     /// A profile or bus file that is named or used is broken.
     Profile = 4,

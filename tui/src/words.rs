@@ -7,6 +7,7 @@
 
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::statistics::{BusStatistics, Intervals, Quality, span};
+use cobscope_decoder::words::plural;
 
 use crate::figures::{bits, millis, seconds, tenths};
 
@@ -33,26 +34,33 @@ pub fn stamps(quality: &Quality) -> Option<String> {
 pub fn error_frames(quality: &Quality) -> String {
     let classes: Vec<String> =
         quality.error_classes.iter().map(|(name, count)| format!("{name} {count}")).collect();
-    format!("{} error frames: {}", quality.error_frames, classes.join(", "))
+    format!("{}: {}", plural(quality.error_frames, "error frame"), classes.join(", "))
+}
+
+/// `1 line or record`, `2 lines or records`.
+pub fn unreadable(count: u64) -> String {
+    if count == 1 { "1 line or record".to_owned() } else { format!("{count} lines or records") }
 }
 
 /// What else is wrong with a capture.
 pub fn faults(quality: &Quality) -> Vec<String> {
     let mut faults = Vec::new();
     if quality.unreadable > 0 {
-        faults.push(format!("{} lines or records unreadable", quality.unreadable));
+        faults.push(format!("{} unreadable", unreadable(quality.unreadable)));
     }
     if quality.lost > 0 {
-        faults.push(format!("{} frames lost by the recorder", quality.lost));
+        faults.push(format!("{} lost by the recorder", plural(quality.lost, "frame")));
     }
     if quality.clock_steps.0 > 0 {
         let (steps, largest) = (quality.clock_steps.0, span(quality.clock_steps.1.saturating_neg()));
-        let steps = if steps == 1 { "1 backward step".to_owned() } else { format!("{steps} backward steps") };
-        faults.push(format!("{steps} of the stamps, the largest {largest}"));
+        faults.push(format!("{} of the stamps, the largest {largest}", plural(steps, "backward step")));
     }
     if quality.silences.0 > 0 {
         let longest = seconds(quality.silences.1);
-        faults.push(format!("{} silences of all traffic, the longest {longest} s", quality.silences.0));
+        faults.push(format!(
+            "{} of all traffic, the longest {longest} s",
+            plural(quality.silences.0, "silence")
+        ));
     }
     faults
 }
@@ -68,7 +76,7 @@ pub fn rates(
 ) -> Vec<String> {
     let load = &statistics.load;
     let Some(duration) = duration.filter(|duration| *duration > 0) else {
-        return vec![format!("{} frames", load.frames)];
+        return vec![plural(load.frames, "frame")];
     };
     let per_second = |count: u64, times: u128| {
         u128::from(count) * times * 1_000_000_000 / u128::from(duration.unsigned_abs())
@@ -76,10 +84,11 @@ pub fn rates(
     let (frames, mean) = (per_second(load.frames, 10), per_second(load.bits, 1));
     let (worst, at) = load.worst_frames;
     let first = format!(
-        "{} frames, {}/s, {}/s; worst second {worst} frames, {} from {} s",
-        load.frames,
+        "{}, {}/s, {}/s; worst second {}, {} from {} s",
+        plural(load.frames, "frame"),
         tenths(frames),
         bits(mean),
+        plural(worst, "frame"),
         bits(u128::from(load.worst_bits.0)),
         since(at, start)
     );
@@ -100,8 +109,11 @@ pub fn commands(statistics: &BusStatistics, start: i64) -> Vec<String> {
     let mut parts: Vec<String> =
         master.commands.iter().map(|(service, count)| format!("NMT {} {count}", service.name())).collect();
     if master.syncs > 0 {
-        let gaps =
-            if master.sync_gaps > 0 { format!(", {} counter gaps", master.sync_gaps) } else { String::new() };
+        let gaps = if master.sync_gaps > 0 {
+            format!(", {}", plural(master.sync_gaps, "counter gap"))
+        } else {
+            String::new()
+        };
         let jitter =
             master.sync.jitter().map_or(String::new(), |jitter| format!(", jitter ±{} ms", millis(jitter)));
         parts.push(format!("SYNC {}{}{jitter}{gaps}", master.syncs, period(&master.sync, start)));

@@ -50,6 +50,7 @@ mod writer;
 use std::fmt;
 
 use crate::frame::{BusIndex, LinkState, Timestamp};
+use crate::words::plural;
 
 pub use batch::{BATCH_FRAMES, Batch, Item};
 pub use candump::TimeStyle;
@@ -144,7 +145,9 @@ impl fmt::Display for Notice {
         match self {
             Self::Unreadable { place, reason } => write!(f, "{place}: {reason}"),
             Self::Assumption(text) => f.write_str(text),
-            Self::LostFrames { place, count: Some(count), .. } => write!(f, "{place}: {count} frames lost"),
+            Self::LostFrames { place, count: Some(count), .. } => {
+                write!(f, "{place}: {} lost", plural(*count, "frame"))
+            }
             Self::LostFrames { place, count: None, .. } => write!(f, "{place}: frames lost"),
             Self::Link { time, state, .. } => write!(f, "{time}: link {}", state.name()),
             Self::Quiet(time) => write!(f, "nothing until {time}"),

@@ -177,11 +177,17 @@ impl Catalogue {
         self.user.iter().rev().find(|user| user.id == id).map(|user| user.origin.as_str())
     }
 
+    /// What the profile that was brought last for this id stands in the place of: the origin of another one, or an empty
+    /// text for a device of this program.
+    pub fn replaced(&self, id: &str) -> Option<&str> {
+        let of_user = self.user.iter().rev().filter(|user| user.id == id).nth(1);
+        let is_bundled = || bundled_devices().any(|device| device == id);
+        of_user.map(|user| user.origin.as_str()).or_else(|| is_bundled().then_some(""))
+    }
+
     /// Ids of all devices, sorted; standards are not among them.
     pub fn ids(&self) -> Vec<String> {
-        let bundled =
-            bundled().filter(|(path, ..)| path.starts_with(VENDOR)).filter_map(|(path, ..)| id_of(path));
-        let mut ids: Vec<_> = bundled.chain(self.user.iter().map(|user| user.id.clone())).collect();
+        let mut ids: Vec<_> = bundled_devices().chain(self.user.iter().map(|user| user.id.clone())).collect();
         ids.sort();
         ids.dedup();
         ids
@@ -302,6 +308,22 @@ fn closest(wanted: &str, known: impl IntoIterator<Item = String>) -> Option<Stri
 /// Path, text and compiled form of the profiles of this program.
 fn bundled() -> impl Iterator<Item = &'static (&'static str, &'static str, &'static [u8])> {
     embedded::FILES.iter()
+}
+
+/// Ids of the devices of this program.
+fn bundled_devices() -> impl Iterator<Item = String> {
+    bundled().filter(|(path, ..)| path.starts_with(VENDOR)).filter_map(|(path, ..)| id_of(path))
+}
+
+/// Whether a TOML text is a bus file rather than a profile: it has parts that only bus files have, and no id of its own.
+pub fn is_bus_file(text: &str) -> bool {
+    const PARTS: [&str; 7] = ["bus", "node", "master", "dbc", "rules", "suppress", "expect"];
+    // Both have these: a bus file several, a profile one.
+    const LISTS: [&str; 2] = ["id", "uds"];
+    let Ok(table) = text.parse::<toml::Table>() else { return false };
+    let has_list = LISTS.iter().any(|key| table.get(*key).is_some_and(toml::Value::is_array));
+    !table.get("id").is_some_and(toml::Value::is_str)
+        && (has_list || PARTS.iter().any(|key| table.contains_key(*key)))
 }
 
 /// What tells a device by what it says of itself.

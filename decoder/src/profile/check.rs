@@ -3,11 +3,14 @@
 //! Samples are run by `samples.rs`, which knows the decoder.
 
 mod behaviour;
+mod ids;
 mod objects;
 mod rules;
 mod uds;
 
 use std::ops::Range;
+
+pub use ids::check_ids;
 
 use super::authored::Wrong;
 use super::data_type::DataType;
@@ -28,6 +31,9 @@ const MESSAGE_BITS: u16 = 1_785 * 8;
 
 /// Last parameter group, 18 bits.
 const LAST_PGN: u32 = 0x3_FFFF;
+
+/// What makes a device send a PDO; `rpdo` answers the RPDO of that number.
+const PDO_TRIGGERS: [&str; 5] = ["sync", "event", "rpdo", "timer", "request"];
 
 /// Most entries of a profile, repeats counted: more than four times what CiA 301 describes.
 const MOST_ENTRIES: usize = 1 << 20;
@@ -52,6 +58,12 @@ pub fn check(text: &str, file: &ProfileFile, device: &Device) -> Vec<TextError> 
     check.wrong.sort_by_key(|(span, _)| span.start);
     check.wrong.dedup();
     check.wrong.into_iter().map(|(span, message)| TextError::at(text, span, message)).collect()
+}
+
+/// Whether a name is one as options and JSON have it: small letters, digits and hyphens.
+fn is_kebab(name: &str) -> bool {
+    let is_part = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'-';
+    !name.is_empty() && name.bytes().all(is_part)
 }
 
 struct Check<'a> {
@@ -102,6 +114,10 @@ impl Check<'_> {
             }
             if pdo.when.is_none() {
                 ended.push(pdo.pdo);
+            }
+            if let Some(trigger) = pdo.trigger.as_deref().filter(|it| !PDO_TRIGGERS.contains(it)) {
+                let known = PDO_TRIGGERS.join(", ");
+                self.say(span, format!("{}: '{trigger}' triggers no PDO; one of {known}", pdo.pdo));
             }
             let bits = self.fields(&pdo.fields, span);
             if bits > FRAME_BITS {
@@ -223,6 +239,28 @@ mod tests {
             "type = \"UNSIGNED8\"\nbits = [{ bit = 0, width = 4, name = \"a\" }, { bit = 3, name = \"b\" }, { bit = 8, name = \"c\" }]",
         ));
         assert_eq!(wrong, ["2: bit 3 is named twice", "2: bits 8 to 8 do not fit UNSIGNED8"]);
+    }
+
+    #[test]
+    fn bits_have_names_as_json_prints_them() {
+        let bits = |list: &str| errors(&object(&format!("type = \"UNSIGNED8\"\nbits = [{list}]")));
+        assert_eq!(bits("{ bit = 0, name = \"phase-2\" }, { bit = 1, reserved = true }"), [""; 0]);
+        assert_eq!(
+            bits("{ bit = 0, name = \"Over load\" }"),
+            ["2: 'Over load' is no name of a bit: small letters, digits and hyphens"]
+        );
+    }
+
+    #[test]
+    fn pdos_are_triggered_by_what_there_is() {
+        let pdo = |trigger: &str| {
+            errors(&format!("[[pdo]]\npdo = \"TPDO1\"\nmapping = \"fixed\"\ntrigger = \"{trigger}\"\n"))
+        };
+        assert_eq!(pdo("timer"), [""; 0]);
+        assert_eq!(
+            pdo("timr"),
+            ["2: TPDO1: 'timr' triggers no PDO; one of sync, event, rpdo, timer, request"]
+        );
     }
 
     #[test]

@@ -27,8 +27,8 @@ mod quoted;
 mod reference;
 mod resolve;
 
-pub use catalogue::{Catalogue, Introduction, ProfileError};
-pub use check::check;
+pub use catalogue::{Catalogue, Introduction, ProfileError, is_bus_file};
+pub use check::{check, check_ids};
 pub use connection_set::{ConnectionSet, Owner, connection_set};
 pub use cut::Cut;
 pub(crate) use data_type::little_endian;

@@ -201,7 +201,7 @@ pub(super) fn nearest<'a>(
 }
 
 /// Letters to insert, remove or replace to get from one text to the other (Levenshtein).
-pub(crate) fn distance(from: &str, to: &str) -> usize {
+pub fn distance(from: &str, to: &str) -> usize {
     let mut row: Vec<usize> = (0..=to.chars().count()).collect();
     for (line, letter) in from.chars().enumerate() {
         let mut diagonal = line;

@@ -43,18 +43,28 @@ pub struct InputArgs {
     pub sdo_timeout: f64,
 }
 
-/// Help of `--filter`.
-pub(super) const FILTER_HELP: &str = "\
-Print only events that EXPR matches
-
+/// Help of `--filter`: what it does with events, and which options say what it chooses from.
+macro_rules! filter_help {
+    ($does:literal, $options:literal) => {
+        concat!(
+            $does,
+            " only events that EXPR matches\n\n\
 The grammar is that of Wireshark's display filters: == != < <= > >=, in {}, contains, matches, && || ! (), \
 or in words eq ne lt le gt ge and or not. A field alone asks whether the event has it. Fields are the keys of \
 -f jsonl, nested ones with a dot, and many of Wireshark's names. A comparison with a field the event does not \
-have is false. The filter chooses among what is printed anyway; see --all, --pdo and --frames.
+have is false. The filter chooses among what is there anyway; see ",
+            $options,
+            ".\n\n  \
+  --filter 'kind == emcy && node == 4'\n  \
+  --filter 'canopen.sdo.abort_code == 0x06090011 || outcome == timeout'\n  \
+  --filter 'object in {1800:01..1BFF:02} && direction == download'"
+        )
+    };
+}
+pub(super) use filter_help;
 
-  --filter 'kind == emcy && node == 4'
-  --filter 'canopen.sdo.abort_code == 0x06090011 || outcome == timeout'
-  --filter 'object in {1800:01..1BFF:02} && direction == download'";
+/// Help of `--filter` where events are printed.
+const FILTER_HELP: &str = filter_help!("Print", "--all, --pdo and --frames");
 
 /// Which events are printed. All of a capture is understood either way.
 #[derive(Debug, Default, Args)]

@@ -3,7 +3,7 @@
 use clap::{Args, ValueEnum};
 use cobscope_decoder::query::Filter;
 
-use super::{Color, FILTER_HELP, InputArgs};
+use super::{Color, InputArgs, filter_help};
 use crate::panes::PaneId;
 use crate::select::Bound;
 
@@ -16,7 +16,7 @@ pub struct ViewArgs {
     #[arg(long, value_name = "TIME")]
     pub at: Option<Bound>,
     /// Show only events that EXPR matches, such as 'kind == emcy && node == 4'
-    #[arg(long, value_name = "EXPR", long_help = FILTER_HELP)]
+    #[arg(long, value_name = "EXPR", long_help = filter_help!("Show", "--all"))]
     pub filter: Option<Filter>,
     /// Show repetitions too, not only what says something new
     #[arg(long)]

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use cobscope_decoder::bus_file::BusFile;
 use cobscope_decoder::profile::dbc::{self, Database, DatabaseFile};
+use cobscope_decoder::words::plural;
 
 use super::device_files::bytes;
 use super::input::warn;
@@ -61,7 +62,7 @@ impl Reader {
             warn(&format!("{shown}:{problem}"));
         }
         if let Some(more) = file.problems.len().checked_sub(TOLD).filter(|more| *more > 0) {
-            warn(&format!("{shown}: {more} more problems"));
+            warn(&format!("{shown}: {}", plural(more, "more problem")));
         }
         self.files.insert(path.to_owned(), file.clone());
         Ok(file)

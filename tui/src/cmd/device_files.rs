@@ -12,6 +12,7 @@ use cobscope_decoder::profile::device_file::{self, DeviceFile};
 use cobscope_decoder::profile::{Catalogue, Device, imported};
 use cobscope_decoder::session::{AssignedBy, Assignment};
 use cobscope_decoder::wire::NodeId;
+use cobscope_decoder::words::plural;
 
 use super::input::warn;
 use crate::cli::{FileArg, InputArgs};
@@ -117,7 +118,7 @@ fn tell(path: &Path, file: &DeviceFile) {
     }
     if let Some(more) = lines.len().checked_sub(TOLD).filter(|more| *more > 0) {
         let shown = path.display();
-        warn(&format!("{shown}: {more} more problems (cobscope profiles check {shown})"));
+        warn(&format!("{shown}: {} (cobscope profiles check {shown})", plural(more, "more problem")));
     }
 }
 

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use anyhow::{Context as _, anyhow};
 use cobscope_decoder::bus_file::BusFile;
 use cobscope_decoder::capture::{ReadOptions, TimeStyle};
-use cobscope_decoder::profile::{Catalogue, ProfileError, TextError};
+use cobscope_decoder::profile::{Catalogue, ProfileError, TextError, is_bus_file};
 use cobscope_decoder::rules::Setup;
 use cobscope_decoder::session::{AssignedBy, Assignment, ProtocolChoice, SessionOptions};
 use cobscope_decoder::sink::escape;
@@ -195,12 +195,16 @@ fn add_file(catalogue: &mut Catalogue, path: &Path) {
     let Ok(text) = std::fs::read_to_string(path) else {
         return warn(&format!("{name}: cannot be read"));
     };
-    let bundled = catalogue.ids();
+    if is_bus_file(&text) {
+        return;
+    }
     match catalogue.add_text(&name, &text) {
-        Ok(id) if bundled.contains(&id) => {
-            warn(&format!("{name}: is used for {id} instead of this program's own"));
+        Ok(id) => {
+            if let Some(other) = catalogue.replaced(&id) {
+                let other = if other.is_empty() { "this program's own" } else { other };
+                warn(&format!("{name}: is used for {id} instead of {other}"));
+            }
         }
-        Ok(_) => {}
         Err(error) => {
             warn(&error.to_string());
             catalogue.add_broken(&stem, error);

@@ -1,5 +1,6 @@
 //! `cobscope objects`: what is known of a node's objects, and from where.
 
+use std::borrow::Cow;
 use std::fmt::Write as _;
 
 use cobscope_decoder::capture::BusNames;
@@ -9,6 +10,7 @@ use cobscope_decoder::profile::Value;
 use cobscope_decoder::session::{Bus, Entry, Node, Observer};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::canopen::ObjectAddress;
+use cobscope_decoder::words::plural;
 use serde_json::json;
 
 use super::want::Want;
@@ -16,6 +18,13 @@ use super::{Watcher, complain, decode_capture, report};
 use crate::cli::{InputArgs, ObjectsArgs, ReportFormat};
 use crate::exit_code::Exit;
 use crate::select::Bound;
+
+/// Widest columns of names and values: with the others most lines fit 100 columns or little more.
+const WIDEST_NAME: usize = 50;
+const WIDEST_VALUE: usize = 24;
+
+/// Bytes of a value that are shown.
+const SHOWN_BYTES: usize = 16;
 
 /// Runs the command.
 pub fn run(arguments: &ObjectsArgs) -> Exit {
@@ -102,15 +111,13 @@ fn tell(bus: &Bus, arguments: &ObjectsArgs, first: Option<Timestamp>, capture: &
     }
     let Some(node) = bus.node(wanted.id) else { return };
     if arguments.format == ReportFormat::Text {
-        let _ = writeln!(output, "{}: {} objects", label(bus, node), node.store().len());
+        let _ = writeln!(output, "{}: {}", label(bus, node), plural(node.store().len(), "object"));
+    }
+    if arguments.format == ReportFormat::Text {
+        return table(node, first, output);
     }
     for (object, entry) in node.store().sorted() {
-        match arguments.format {
-            ReportFormat::Text => row(node, object, entry, first, output),
-            ReportFormat::Json => {
-                let _ = writeln!(output, "{}", record(bus, node, object, entry, capture));
-            }
-        }
+        let _ = writeln!(output, "{}", record(bus, node, object, entry, capture));
     }
 }
 
@@ -124,7 +131,7 @@ fn overview(bus: &Bus, node: &Node, format: ReportFormat, capture: &str, output:
     let count = node.store().len();
     let _ = match format {
         ReportFormat::Text => {
-            writeln!(output, "{}: {count} objects (--node {})", label(bus, node), node.id())
+            writeln!(output, "{}: {} (--node {})", label(bus, node), plural(count, "object"), node.id())
         }
         ReportFormat::Json => {
             let record =
@@ -134,28 +141,71 @@ fn overview(bus: &Bus, node: &Node, format: ReportFormat, capture: &str, output:
     };
 }
 
-/// One object in columns; of long data the beginning.
-fn row(node: &Node, object: ObjectAddress, entry: &Entry, first: Option<Timestamp>, output: &mut String) {
-    const SHOWN_BYTES: usize = 16;
-    let known = node.meaning(object);
-    let name = known.as_ref().map_or("", |known| &known.name);
-    let value = match known.as_ref().map(|known| (known, known.decode(&entry.value))) {
-        Some((_, Value::Bytes(_))) | None => String::new(),
-        Some((known, value)) => known.show(&value),
-    };
-    let stale = if entry.stale { "?" } else { "" };
-    let place = place(entry, first);
+/// All objects in columns as wide as what stands in them; what is wider than most is cut.
+fn table(node: &Node, first: Option<Timestamp>, output: &mut String) {
+    let row = |(object, entry)| Row::of(node, object, entry);
+    let rows: Vec<_> = node.store().sorted().into_iter().map(row).collect();
+    let names = rows.iter().map(|row| column(&row.name, WIDEST_NAME)).max().unwrap_or_default();
+    let values = rows.iter().map(|row| column(&row.value, WIDEST_VALUE)).max().unwrap_or_default();
+    for row in &rows {
+        let (name, value) = (cut(&row.name, names), cut(&row.value, values));
+        let line = format!(
+            "{}  {name:<names$}  {value:<values$}  {:<7}{}  {}{}",
+            row.object,
+            row.entry.origin.kind.verb(),
+            place(row.entry, first),
+            data(row.entry),
+            future(node, row.object),
+        );
+        let _ = writeln!(output, "{}", line.trim_end());
+    }
+}
+
+/// One object, ready for a terminal.
+struct Row<'a> {
+    object: ObjectAddress,
+    name: String,
+    value: String,
+    entry: &'a Entry,
+}
+
+impl<'a> Row<'a> {
+    fn of(node: &Node, object: ObjectAddress, entry: &'a Entry) -> Self {
+        let known = node.meaning(object);
+        let value = match known.as_ref().map(|known| (known, known.decode(&entry.value))) {
+            Some((_, Value::Bytes(_))) | None => String::new(),
+            Some((known, value)) => known.show(&value),
+        };
+        let stale = if entry.stale { "?" } else { "" };
+        let name = known.as_ref().map_or(String::new(), |known| escape(&known.name).into_owned());
+        Self { object, name, value: format!("{}{stale}", escape(&value)), entry }
+    }
+}
+
+/// How wide a column is for a cell.
+fn column(cell: &str, most: usize) -> usize {
+    cell.chars().count().min(most)
+}
+
+/// The beginning of a cell that is wider than its column.
+fn cut(cell: &str, width: usize) -> Cow<'_, str> {
+    if cell.chars().count() <= width {
+        return cell.into();
+    }
+    let mut cut: String = cell.chars().take(width.saturating_sub(1)).collect();
+    cut.push('…');
+    cut.into()
+}
+
+/// The bytes of a value; of many the beginning.
+fn data(entry: &Entry) -> String {
     let shown = entry.value.get(..SHOWN_BYTES).unwrap_or(&entry.value);
-    let data = Value::Bytes(shown.to_vec()).to_string();
-    let more =
-        if entry.size > shown.len() as u64 { format!(" … {} bytes", entry.size) } else { String::new() };
-    let line = format!(
-        "{object}  {name:<50}  {:<18}  {:<7}{place}  {data}{more}{}",
-        format!("{value}{stale}"),
-        entry.origin.kind.verb(),
-        future(node, object),
-    );
-    let _ = writeln!(output, "{}", escape(line.trim_end()));
+    let data = Value::Bytes(shown.to_vec());
+    if entry.size > shown.len() as u64 {
+        format!("{data} … {}", plural(entry.size, "byte"))
+    } else {
+        data.to_string()
+    }
 }
 
 /// What becomes of a value: what takes its place at a restart, whether it stays.
@@ -166,7 +216,7 @@ fn future(node: &Node, object: ObjectAddress) -> String {
             || Value::Bytes(waiting.value.clone()).to_string(),
             |meaning| meaning.show(&meaning.decode(&waiting.value)),
         );
-        format!("  → {shown} {} {{{}}}", waiting.effect.when(), waiting.origin.frame)
+        format!("  → {} {} {{{}}}", escape(&shown), waiting.effect.when(), waiting.origin.frame)
     });
     let persists = match node.persists(object) {
         Some("no") => "  lost at a restart",

@@ -5,10 +5,11 @@ use std::io::Write as _;
 use std::path::Path;
 
 use cobscope_decoder::profile::device::ProfileFile;
-use cobscope_decoder::profile::{Catalogue, Device, ProfileError, check, imported};
+use cobscope_decoder::profile::{Catalogue, Device, ProfileError, check, check_ids, imported};
 use cobscope_decoder::rules::check_names;
 use cobscope_decoder::samples::check_samples;
 use cobscope_decoder::sink::escape;
+use cobscope_decoder::words::plural;
 
 use super::device_files;
 use super::profile_markdown::markdown;
@@ -154,7 +155,11 @@ fn check_device_file(path: &Path) -> Exit {
     if !lines.is_empty() {
         return Exit::Profile;
     }
-    print(&format!("{}: ok, {} objects\n", escape(&path.display().to_string()), file.objects.len()));
+    print(&format!(
+        "{}: ok, {}\n",
+        escape(&path.display().to_string()),
+        plural(file.objects.len(), "object")
+    ));
     Exit::Clean
 }
 
@@ -182,6 +187,13 @@ fn check_one(path: &Path, name: &str, text: &str) -> bool {
         return false;
     }
     let Ok(file) = ProfileFile::parse(text) else { return false };
+    let ids = check_ids(text);
+    if !ids.is_empty() {
+        for error in &ids {
+            complain(&error.show(name));
+        }
+        return false;
+    }
     let variants: Vec<Option<&str>> = match file.variants() {
         [] => vec![None],
         variants => variants.iter().map(|variant| Some(variant.id.as_str())).collect(),
@@ -204,7 +216,8 @@ fn check_one(path: &Path, name: &str, text: &str) -> bool {
         complain(error);
     }
     if said.is_empty() {
-        print(&format!("{}: ok, {samples} samples\n", escape(name)));
+        let hint = if samples == 0 { ": nothing shows that values come out right" } else { "" };
+        print(&format!("{}: ok, {}{hint}\n", escape(name), plural(samples, "sample")));
     }
     said.is_empty()
 }

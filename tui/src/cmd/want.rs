@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::profile::device_file::{Access, DeviceFile, DeviceObject};
+use cobscope_decoder::profile::device_file::{Access, DeviceFile, DeviceObject, Kind};
 use cobscope_decoder::profile::{DataType, Value};
 use cobscope_decoder::session::{Bus, Entry, Node};
 use cobscope_decoder::sink::escape;
@@ -42,7 +42,12 @@ impl Want {
         let shown = path.display();
         let file = device_files::read(path)?;
         let wants = file.objects.iter().any(|object| object.value.is_some());
-        anyhow::ensure!(wants, "{shown}: wants nothing: an EDS has no values, a DCF does");
+        let why = match file.kind {
+            Kind::Eds | Kind::Xdd => "an EDS or XDD has no values, a DCF or XDC does",
+            Kind::Dcf => "no object in it has a ParameterValue",
+            Kind::Xdc => "no object in it has an actualValue",
+        };
+        anyhow::ensure!(wants, "{shown}: wants nothing: {why}");
         let chosen = arguments.input.node.iter().find(|node| node.profile.is_none());
         let Some(node) = chosen.map(|node| node.id).or(file.node_id.map(NodeId::Canopen)) else {
             anyhow::bail!("{shown}: does not say of which node it is: add --node");

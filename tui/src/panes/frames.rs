@@ -17,9 +17,9 @@ use cobscope_decoder::frame::{BusIndex, CanId};
 use cobscope_decoder::replay::World;
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::sink::escape;
-use cobscope_decoder::sink::findings::plural;
 use cobscope_decoder::statistics::{IdentifierRow, Identifiers, MOST_ROWS};
 use cobscope_decoder::wire::j1939::J1939Id;
+use cobscope_decoder::words::plural;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
@@ -271,7 +271,7 @@ fn total(core: &Core, world: &World) -> Line<'static> {
     let rows = identifiers.rows();
     let frames: u64 = rows.iter().map(|row| row.count).sum();
     let mut spans = vec![Span::styled(
-        format!("{}, {frames} frames up to the cursor", plural(rows.len(), "identifier")),
+        format!("{}, {} up to the cursor", plural(rows.len(), "identifier"), plural(frames, "frame")),
         theme.style(Role::Quiet),
     )];
     let mut add = |count: u64, text: String, role: Role| {
@@ -282,9 +282,13 @@ fn total(core: &Core, world: &World) -> Line<'static> {
     let overdue = rows.iter().filter(|row| is_overdue(core, row)).count() as u64;
     add(overdue, format!("{overdue} overdue"), Role::Caution);
     let errors = world.counts().errors;
-    add(errors, format!("{errors} error frames"), Role::Bad);
+    add(errors, plural(errors, "error frame"), Role::Bad);
     let others = identifiers.others();
-    add(others, format!("{others} frames of identifiers beyond the first {MOST_ROWS}"), Role::Caution);
+    add(
+        others,
+        format!("{} of identifiers beyond the first {MOST_ROWS}", plural(others, "frame")),
+        Role::Caution,
+    );
     Line::from(spans)
 }
 
@@ -384,7 +388,13 @@ impl Pane for Frames {
         let world = core.world()?;
         let row = self.row(core, world)?;
         let data: Vec<String> = row.payload().iter().map(|byte| format!("{byte:02X}")).collect();
-        Some(format!("{} {} {} frames, last {}", row.id, describe(world, row), row.count, data.join(" ")))
+        Some(format!(
+            "{} {} {}, last {}",
+            row.id,
+            describe(world, row),
+            plural(row.count, "frame"),
+            data.join(" ")
+        ))
     }
 }
 

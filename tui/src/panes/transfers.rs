@@ -11,8 +11,8 @@
 use std::borrow::Cow;
 use std::cmp::Ordering;
 
-use cobscope_decoder::sink::findings::plural;
 use cobscope_decoder::statistics::Distribution;
+use cobscope_decoder::words::plural;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use cobscope_decoder::capture::Notice;
 use cobscope_decoder::sink::escape;
+use cobscope_decoder::words::plural;
 
 use crate::figures::bytes;
 
@@ -136,7 +137,7 @@ impl fmt::Display for RecordStatus {
 }
 
 fn frames(count: u64) -> String {
-    if count == 1 { "1 frame".to_owned() } else { format!("{count} frames") }
+    plural(count, "frame")
 }
 
 fn shown(path: &Path) -> String {

@@ -11,6 +11,7 @@ use cobscope_decoder::capture::{WritableFormat, WriteOptions};
 use cobscope_decoder::replay::{Spot, Told};
 use cobscope_decoder::sink::jsonl::Jsonl;
 use cobscope_decoder::sink::text::{PdoLines, Text, TextOptions};
+use cobscope_decoder::words::plural;
 
 use super::shared::Shared;
 use super::walk::Walk;
@@ -126,7 +127,7 @@ fn frames(
         }
     }
     writer.finish().context("cannot be written")?;
-    Ok(format!("{count} frames"))
+    Ok(plural(count, "frame"))
 }
 
 /// The events that are shown.
@@ -148,7 +149,7 @@ fn events(shared: &Shared, export: &Export, mut see: impl FnMut(&Told<'_>)) -> a
             break;
         }
     }
-    Ok(format!("{count} events"))
+    Ok(plural(count, "event"))
 }
 
 /// Before a frame, from the nearest mark.

@@ -10,6 +10,7 @@ use super::{LIBRARY, key, unreadable};
 use crate::capture::remark::Remark;
 use crate::capture::{Batch, BusNames, MAX_BUS_NAME, MAX_BUSES, Notice, Place};
 use crate::frame::{BusIndex, Frame, FrameFlags, Timestamp};
+use crate::words::plural;
 
 /// Last parts of topics that say what goes over them, not which bus: those of ros2_socketcan and of ROS 1's
 /// socketcan_bridge. The directions are those of the host.
@@ -238,7 +239,8 @@ impl Records {
     /// Says at the end what was passed over.
     pub(super) fn summarise(&mut self, batch: &mut Batch) {
         if self.others > 0 && !self.is_own && !std::mem::replace(&mut self.said_others, true) {
-            let text = format!("{} messages of topics that are no CAN frames passed over", self.others);
+            let text =
+                format!("{} of topics that are no CAN frames passed over", plural(self.others, "message"));
             batch.notice(Notice::Assumption(text));
         }
     }

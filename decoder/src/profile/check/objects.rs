@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-use super::Check;
+use super::{Check, is_kebab};
 use crate::profile::data_type::DataType;
 use crate::profile::dictionary::{Dictionary, Entry, Object};
 use crate::profile::formula::formula;
@@ -83,15 +83,8 @@ impl Check<'_> {
         if let Some([least, most]) = look.range {
             self.number(least, data_type, "range", span);
             self.number(most, data_type, "range", span);
-            if least > most {
-                self.say(span, format!("range {least} to {most} ends before it begins"));
-            }
         }
-        if let Some([least, most]) = look.limits
-            && least > most
-        {
-            self.say(span, format!("limits {least} to {most} end before they begin"));
-        }
+        self.ascends(look.range, look.limits, span);
         for (key, names) in [("values", &look.values), ("special", &look.special)] {
             self.names(names.as_deref(), data_type, key, span);
         }
@@ -113,6 +106,16 @@ impl Check<'_> {
 
     fn when(&mut self, object: &Object, entry: &Entry, when: &When) {
         self.reference(when.object, object, &entry.span, "when");
+    }
+
+    /// A range, or limits, from the least to the most.
+    pub(super) fn ascends(&mut self, range: Option<[i64; 2]>, limits: Option<[f64; 2]>, span: &Range<usize>) {
+        if let Some([least, most]) = range.filter(|[least, most]| least > most) {
+            self.say(span, format!("range {least} to {most} ends before it begins"));
+        }
+        if let Some([least, most]) = limits.filter(|[least, most]| least > most) {
+            self.say(span, format!("limits {least} to {most} end before they begin"));
+        }
     }
 
     pub(super) fn number(&mut self, number: i64, data_type: DataType, key: &str, span: &Range<usize>) {
@@ -149,6 +152,9 @@ impl Check<'_> {
             }
             if bit.name.is_empty() && !bit.reserved {
                 self.say(span, format!("bit {} needs a name, or reserved = true", bit.bit));
+            } else if !bit.name.is_empty() && !is_kebab(&bit.name) {
+                let said = format!("'{}' is no name of a bit: small letters, digits and hyphens", bit.name);
+                self.say(span, said);
             }
             taken |= mask;
         }

@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use super::Check;
 use super::objects::fits;
+use super::{Check, is_kebab};
 use crate::profile::device::{Condition, DeviceRule, RuleKind, Trigger};
 use crate::profile::lookup::lss;
 use crate::profile::object::Numbers;
@@ -31,11 +31,7 @@ impl Check<'_> {
     }
 
     fn rule(&mut self, rule: &DeviceRule, span: &Range<usize>) {
-        let kebab = |name: &str| {
-            name.bytes().all(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'-')
-                && !name.is_empty()
-        };
-        for name in rule.takes_in.iter().chain([&rule.name]).filter(|name| !kebab(name)) {
+        for name in rule.takes_in.iter().chain([&rule.name]).filter(|name| !is_kebab(name)) {
             self.say(span, format!("'{name}' is no name of a rule: small letters, digits and hyphens"));
         }
         if rule.takes_in.contains(&rule.name) {
@@ -53,6 +49,7 @@ impl Check<'_> {
         rule.needs.0.iter().chain(&rule.during.0).for_each(|need| self.condition(need, span));
         rule.ms_of.iter().for_each(|of| self.known(*of, span, "ms_of"));
         self.values(rule, span);
+        self.ascends(rule.range, rule.limits, span);
     }
 
     fn values(&mut self, rule: &DeviceRule, span: &Range<usize>) {
@@ -114,6 +111,14 @@ mod tests {
                      before = { lss = \"store-configuration\", answer = true, equals = 0 }\nsince = { boot = true }";
         assert_eq!(rule(order), [""; 0]);
         assert_eq!(rule("kind = \"expedited\"\nexcept = [\"1008:00..100A:00\"]"), [""; 0]);
+    }
+
+    #[test]
+    fn what_limits_begins_before_it_ends() {
+        let limit = |keys: &str| rule(&format!("kind = \"limit\"\nobject = \"1001:00\"\n{keys}"));
+        assert_eq!(limit("limits = [0, 280]"), [""; 0]);
+        assert_eq!(limit("limits = [280, 0]"), ["2: limits 280 to 0 end before they begin"]);
+        assert_eq!(limit("range = [9, 0]"), ["2: range 9 to 0 ends before it begins"]);
     }
 
     #[test]

@@ -17,6 +17,7 @@ use crate::frame::CanId;
 use crate::profile::layout::{BitOrder, DEEPEST_SELECTION, Field, Layout, Selector, SignalId};
 use crate::profile::quoted::quote;
 use crate::wire::j1939::{J1939Id, Pgn};
+use crate::words::plural;
 
 /// Where a layout comes from.
 const ORIGIN: &str = "dbc";
@@ -243,7 +244,7 @@ fn field(signal: can_dbc::Signal, about: About, length: u16) -> Result<Field, St
     let field = spec.field();
     match field.end() {
         Some(end) if end <= length * 8 => Ok(field),
-        _ => Err(format!("it ends behind its message of {length} bytes")),
+        _ => Err(format!("it ends behind its message of {}", plural(length, "byte"))),
     }
 }
 

@@ -4,6 +4,7 @@ use std::fmt;
 
 use super::MOST_PROBLEMS;
 use crate::profile::quoted::printable;
+use crate::words::plural;
 
 /// Characters of a reason.
 const LONGEST_REASON: usize = 300;
@@ -77,7 +78,7 @@ impl<'a> Problems<'a> {
     pub(super) fn finish(mut self) -> Vec<Problem> {
         self.list.sort_by_key(|problem| (problem.line, problem.column));
         if self.others > 0 {
-            self.list.push(Problem::new(0, 0, &format!("{} more problems", self.others)));
+            self.list.push(Problem::new(0, 0, &plural(self.others, "more problem")));
         }
         self.list
     }

@@ -4,6 +4,7 @@ use std::fmt;
 
 use super::MOST_PROBLEMS;
 use crate::profile::quoted::printable;
+use crate::words::plural;
 
 /// Characters of a reason.
 const LONGEST_REASON: usize = 300;
@@ -49,7 +50,7 @@ impl Problems {
     pub(super) fn finish(mut self) -> Vec<Problem> {
         self.list.sort_by_key(|problem| problem.line);
         if self.others > 0 {
-            self.list.push(Problem { line: 0, reason: format!("{} more problems", self.others) });
+            self.list.push(Problem { line: 0, reason: plural(self.others, "more problem") });
         }
         self.list
     }

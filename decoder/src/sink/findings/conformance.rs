@@ -7,6 +7,7 @@ use crate::event::FrameRange;
 use crate::finding::{CaseVerdict, Verdict};
 use crate::sink::escape;
 use crate::wire::canopen::test_marker::TestResult;
+use crate::words::plural;
 
 /// A conformance test that was run: what the tool said, and where ours differs and why.
 pub(super) fn write(judged: &Judged, out: &mut String) {
@@ -18,11 +19,11 @@ pub(super) fn write(judged: &Judged, out: &mut String) {
     let ours = |wanted| cases.iter().filter(|case| case.ours() == wanted).count();
     let _ = writeln!(
         out,
-        "conformance test: {} cases; the tool: {} passed, {} warnings, {} failed, {} skipped; here: {} passed, {} failed, \
+        "conformance test: {}; the tool: {} passed, {}, {} failed, {} skipped; here: {} passed, {} failed, \
          {} not exercised",
-        cases.len(),
+        plural(cases.len(), "case"),
         tool(TestResult::Passed),
-        tool(TestResult::Warning),
+        plural(tool(TestResult::Warning), "warning"),
         tool(TestResult::Failed),
         tool(TestResult::Skipped),
         ours(Verdict::Pass),

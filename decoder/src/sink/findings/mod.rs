@@ -280,11 +280,6 @@ fn seconds(nanoseconds: i64) -> String {
     format!("{sign}{}.{:03} s", milliseconds / 1_000, milliseconds % 1_000)
 }
 
-/// `1 error`, `2 errors`.
-pub fn plural(count: usize, what: &str) -> String {
-    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
-}
-
 /// The lines below the finding: when, the worst, why it is less severe, what explains it.
 pub fn notes(group: &Group, zero: Option<Timestamp>) -> Vec<String> {
     let mut notes = vec![when(group, zero)];

@@ -4,11 +4,12 @@
 use std::fmt::Write as _;
 
 use super::incident::{absorbed, incidents};
-use super::{Judged, Outcome, Report, Standing, moment, notes, plural, seconds, what, when, who};
+use super::{Judged, Outcome, Report, Standing, moment, notes, seconds, what, when, who};
 use super::{conformance, coverage};
 use crate::finding::{Group, Severity, SuppressionUse, Verdict};
 use crate::sink::escape;
 use crate::sink::table::{Align, Table};
+use crate::words::plural;
 
 /// Incidents of a capture that are told unless all are asked for; the others are counted.
 const SHOWN_INCIDENTS: usize = 50;

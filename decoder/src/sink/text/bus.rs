@@ -9,6 +9,7 @@ use crate::event::{Event, EventKind, Undecoded};
 use crate::frame::{FrameFlags, LinkState};
 use crate::query::record::{can_error_text, time_of_day};
 use crate::wire::canopen::test_marker::TestMarker;
+use crate::words::plural;
 
 /// Kinds that are about bus and capture rather than a node.
 pub(super) fn words(event: &Event, words: impl Fn(&'static str, String, Tone) -> Words) -> Words {
@@ -36,8 +37,10 @@ pub(super) fn words(event: &Event, words: impl Fn(&'static str, String, Tone) ->
         }
         EventKind::Malformed { error, reason } => {
             let what = format!(
-                "{reason}: {} of {} bytes there from byte {}",
-                error.available, error.needed, error.offset
+                "{reason}: {} of {} there from byte {}",
+                error.available,
+                plural(error.needed, "byte"),
+                error.offset
             );
             let what = if error.needed == 0 { (*reason).to_owned() } else { what };
             words("BAD", what, Tone::Caution)
@@ -56,8 +59,8 @@ pub(super) fn words(event: &Event, words: impl Fn(&'static str, String, Tone) ->
             Tone::Caution,
         ),
         EventKind::LostFrames { count } => {
-            let count = count.map_or("some".into(), |count| count.to_string());
-            words("DROP", format!("the recorder lost {count} frames"), Tone::Bad)
+            let count = count.map_or("some frames".into(), |count| plural(count, "frame"));
+            words("DROP", format!("the recorder lost {count}"), Tone::Bad)
         }
         EventKind::Link { state, bit_rate } => {
             let tone = if *state == LinkState::Up { Tone::Plain } else { Tone::Bad };

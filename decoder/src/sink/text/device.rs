@@ -96,7 +96,9 @@ fn set_point(point: &SetPoint) -> Said {
             Tone::Caution
         }
         Effective::Unknown => {
-            let _ = write!(what, "effective? not known: {gates}");
+            // Without gates nothing tells what lets a set point act.
+            let why = if gates.is_empty() { "the profile has no gates for it" } else { &gates };
+            let _ = write!(what, "effective? not known: {why}");
             Tone::Plain
         }
     };

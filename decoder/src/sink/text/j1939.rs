@@ -14,6 +14,7 @@ use crate::query::record::device as device_of;
 use crate::session::Bus;
 use crate::wire::NodeId;
 use crate::wire::j1939::{ALL, Name, Pgn};
+use crate::words::plural;
 
 /// The words of a J1939 event; `None` if it is none.
 pub(super) fn words(event: &Event, bus: &Bus) -> Option<Words> {
@@ -81,12 +82,12 @@ fn transfer_words(transfer: &J1939Transfer, bus: &Bus) -> Words {
         Some(announced) if u64::from(announced) != transfer.size => {
             format!("{} of {announced} bytes", transfer.size)
         }
-        _ => format!("{} bytes", transfer.size),
+        _ => plural(transfer.size, "byte"),
     };
     let _ = write!(what, " {size}: {}", bytes(&transfer.data));
     let tone = outcome_words(transfer, &mut what);
     if transfer.missing > 0 {
-        let _ = write!(what, ", {} packets missing", transfer.missing);
+        let _ = write!(what, ", {} missing", plural(transfer.missing, "packet"));
     }
     if transfer.repeated > 0 {
         let _ = write!(what, ", {} repeated", transfer.repeated);
@@ -243,15 +244,15 @@ fn dtc_words(dtc: &Dtc, event: &Event, bus: &Bus) -> Words {
                 (false, true) => ": gone, or hidden by a more urgent fault",
                 (false, false) => "",
             };
-            let _ = write!(what, " no longer reported{since}{how}");
+            let _ = write!(what, ", no longer reported{since}{how}");
             Tone::Caution
         }
         DtcAction::PreviouslyActive => {
-            what.push_str(" was active before");
+            what.push_str(", was active before");
             Tone::Plain
         }
         DtcAction::Cleared => {
-            let _ = write!(what, " cleared{since}");
+            let _ = write!(what, ", cleared{since}");
             Tone::Good
         }
     };

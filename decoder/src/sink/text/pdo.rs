@@ -8,6 +8,7 @@ use crate::event::{Event, Pdo};
 use crate::profile::device::Mapping;
 use crate::profile::{Device, Layout, Meaning, PdoDirection, Signal, Value};
 use crate::sink::ascii::{push_code, push_decimal, push_integer};
+use crate::words::plural;
 
 /// Appends `TPDO1 37 06: 6041:00=1591`, `TPDO1 08 A0 1F 00 20: status 08h pressure control, p 157.5 bar of 315`.
 pub(super) fn push_words(pdo: &Pdo, out: &mut Vec<u8>) {
@@ -44,7 +45,7 @@ pub(super) fn push_signals(layout: &Layout, payload: &[u8], out: &mut Vec<u8>) {
 /// ` (mapping needs 5 bytes: p missing)`.
 fn push_absent(layout: &Layout, payload: &[u8], needed: usize, out: &mut Vec<u8>) {
     // Writing to a vector cannot fail.
-    let _ = write!(out, " (mapping needs {needed} bytes");
+    let _ = write!(out, " (mapping needs {}", plural(needed, "byte"));
     let mut separator = ": ";
     for field in layout.missing(payload) {
         let short = field.meaning.as_deref().map(|meaning| meaning.short.as_ref().unwrap_or(&meaning.name));

@@ -8,6 +8,7 @@ use crate::event::{Ends, Event, EventKind, ExchangeOutcome, IsoTpTransfer, Messa
 use crate::profile::{Device, Effect, UdsService, Value, ValueIn, uds};
 use crate::query::record::device as device_of;
 use crate::session::Bus;
+use crate::words::plural;
 
 /// The columns of an event of ISO-TP or UDS; `None` if it is none.
 pub(super) fn words(event: &Event, bus: &Bus) -> Option<Words> {
@@ -51,7 +52,7 @@ fn talk(exchange: &UdsExchange, event: &Event, bus: &Bus) -> String {
 }
 
 fn isotp(message: &IsoTpTransfer) -> Words {
-    let mut what = format!("{} of {} bytes", message.size, message.announced);
+    let mut what = format!("{} of {}", message.size, plural(message.announced, "byte"));
     let (said, tone) = match message.outcome {
         MessageOutcome::Complete => (" complete", Tone::Quiet),
         MessageOutcome::Incomplete => (", frames in between not seen", Tone::Caution),

@@ -22,6 +22,7 @@ use super::input::session_options;
 use crate::cli::ConvertArgs;
 use crate::exit_code::Exit;
 use crate::record::format;
+use crate::words::unreadable;
 use choice::Choice;
 use input::Input;
 use output::Output;
@@ -141,7 +142,7 @@ impl Conversion {
         }
         input.progress.finish();
         if self.unreadable > NAMED {
-            say(&format!("{} lines or records could not be read", self.unreadable));
+            say(&format!("{} could not be read", unreadable(self.unreadable)));
         }
         if !has_frames {
             complain(&anyhow::anyhow!("{}: holds no frame", input.names()));

@@ -10,6 +10,7 @@ use anyhow::{Context as _, ensure};
 use cobscope_decoder::capture::{BusNames, FrameWriter, Losses, Notice, WritableFormat, WriteOptions};
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::sink::escape;
+use cobscope_decoder::words::plural;
 
 use crate::cli::ConvertArgs;
 use crate::record::Names;
@@ -197,7 +198,7 @@ impl Output {
             ));
         }
         if self.splits {
-            said.push(format!("{} frames in {} files", self.frames, self.parts));
+            said.push(format!("{} in {}", plural(self.frames, "frame"), plural(self.parts, "file")));
         }
         Ok(said)
     }

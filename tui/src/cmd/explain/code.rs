@@ -136,6 +136,15 @@ pub(super) fn abort(asked: &Asked, code: u32) -> String {
     block.finish()
 }
 
+/// Whether a number can be an SDO abort code: it is in a class that CiA 301 has codes of, or some manual has it.
+pub(super) fn may_be_abort(asked: &Asked, code: u32) -> bool {
+    const CLASSES: [u32; 3] = [0x05, 0x06, 0x08];
+    let has = |device: &Device| aborts(device, code).next().is_some();
+    CLASSES.contains(&(code >> 24))
+        || asked.device.as_deref().is_some_and(has)
+        || !asked.every_device(|device| has(device).then(String::new)).is_empty()
+}
+
 fn aborts(device: &Device, code: u32) -> impl Iterator<Item = &AbortText> {
     device.aborts.iter().filter(move |abort| abort.code == code)
 }

@@ -10,13 +10,14 @@ use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::frame::{CanId, Frame};
 use cobscope_decoder::profile::device::Direction;
 use cobscope_decoder::profile::object::Numbers;
-use cobscope_decoder::profile::{self, Device, Owner};
+use cobscope_decoder::profile::{self, Device, NothingKnown, Owner, Resolver, Value};
 use cobscope_decoder::session::{AssignedBy, Assignment, Bus, ProtocolChoice, SessionOptions};
 use cobscope_decoder::sink::text::{PdoLines, Text, TextOptions};
 use cobscope_decoder::wire::NodeId;
-use cobscope_decoder::wire::canopen::sdo::{self, Phase};
+use cobscope_decoder::wire::canopen::sdo::{self, Payload, Phase, Sdo};
 use cobscope_decoder::wire::isotp::Addresses;
 use cobscope_decoder::wire::j1939::J1939Id;
+use cobscope_decoder::words::plural;
 
 use super::asked::Asked;
 use super::{code, identifier, j1939, uds};
@@ -33,8 +34,8 @@ pub(super) fn frame(thing: &str, asked: &Asked) -> Option<String> {
             let Item::Frame(frame) = item else { continue };
             let head = match (uds::frame(frame, asked), frame.id) {
                 (Some(isotp), _) => isotp,
-                (None, CanId::Standard(id)) => identifier::identifier(id) + &command(frame),
-                (None, CanId::Extended(id)) => j1939::identifier(id).unwrap_or_default() + &command(frame),
+                (None, CanId::Standard(id)) => identifier::identifier(id) + &command(frame, asked),
+                (None, CanId::Extended(id)) => j1939::identifier(id).unwrap_or_default(),
             };
             let mut codes = Vec::new();
             let options = options(frame.id, asked);
@@ -160,29 +161,52 @@ fn explained(event: &Event, asked: &Asked) -> Option<String> {
 }
 
 /// An SDO frame's own message, which the decoder only tells of whole transfers.
-fn command(frame: &Frame) -> String {
+fn command(frame: &Frame, asked: &Asked) -> String {
     let CanId::Standard(id) = frame.id else { return String::new() };
     let Owner::Sdo(side, _) = profile::connection_set().owner(id) else { return String::new() };
     let parsed = sdo::parse(frame.data(), side, Phase::Commands);
     let mut text = match parsed {
-        Ok(message) => format!("     {}\n", message.describe()),
+        Ok(message) => format!("     {}\n{}", message.describe(), carried(&message, asked)),
         Err(missing) => {
             let (needed, offset, available) = (missing.needed, missing.offset, missing.available);
             format!(
-                "     too short for its command: {available} of {needed} bytes there from byte {offset}\n"
+                "     too short for its command: {available} of {} there from byte {offset}\n",
+                plural(needed, "byte")
             )
         }
     };
-    if let Ok(sdo::Sdo::BlockSegment { sequence, last, .. }) =
-        sdo::parse(frame.data(), side, Phase::BlockSegments)
+    if let Ok(Sdo::BlockSegment { sequence, last, .. }) = sdo::parse(frame.data(), side, Phase::BlockSegments)
         && sequence > 0
-        && matches!(
-            parsed,
-            Ok(sdo::Sdo::DownloadSegment(_) | sdo::Sdo::UploadSegment(_) | sdo::Sdo::Unknown { .. })
-        )
+        && matches!(parsed, Ok(Sdo::DownloadSegment(_) | Sdo::UploadSegment(_) | Sdo::Unknown { .. }))
     {
         let last = if last { ", the last one" } else { "" };
         let _ = writeln!(text, "     within a block transfer: segment {sequence}{last}");
     }
     text
+}
+
+/// `     1017:00 Producer heartbeat time = 1000 ms`: the object of a message, and the value if it is whole.
+fn carried(message: &Sdo<'_>, asked: &Asked) -> String {
+    let (object, payload) = match message {
+        Sdo::InitiateDownload { object, payload } | Sdo::UploadInitiated { object, payload } => {
+            (*object, Some(payload))
+        }
+        Sdo::DownloadInitiated { object }
+        | Sdo::InitiateUpload { object }
+        | Sdo::InitiateBlockDownload { object, .. }
+        | Sdo::InitiateBlockUpload { object, .. } => (*object, None),
+        _ => return String::new(),
+    };
+    let device = asked.device.as_ref().unwrap_or_else(|| profile::plain_device());
+    let Some(meaning) = Resolver::new(&device.dictionary, &NothingKnown).meaning(object) else {
+        return String::new();
+    };
+    let value = match payload {
+        Some(Payload::Expedited { data, sized: true }) => match meaning.decode(data) {
+            Value::Bytes(_) => String::new(),
+            value => format!(" = {}", meaning.show(&value)),
+        },
+        _ => String::new(),
+    };
+    format!("     {object} {}{value}\n", meaning.name)
 }

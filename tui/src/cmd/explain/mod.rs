@@ -49,7 +49,11 @@ pub fn run(thing: &str, device: Option<&str>, profiles: &[PathBuf]) -> Exit {
     };
     if readings.is_empty() {
         let shown = thing.escape_debug();
-        let _ = writeln!(std::io::stderr(), "cobscope: explain: cannot read \"{shown}\": {FORMS}");
+        let text = match rules::meant(&asked.catalogue, thing) {
+            Some(rule) => format!("there is no rule '{shown}'; did you mean '{rule}'?"),
+            None => format!("cannot read \"{shown}\": {FORMS}"),
+        };
+        let _ = writeln!(std::io::stderr(), "cobscope: explain: {text}");
         return Exit::Usage;
     }
     // A closed pipe is no failure.
@@ -88,7 +92,9 @@ fn code(thing: &str, asked: &Asked) -> Vec<String> {
         (Ok(number), 4) => four_digits(number, asked),
         // A number that is no abort code of the standard is likelier a pasted identifier.
         (_, 8) if profile::abort_codes().find(number).is_none() && number <= LAST_IDENTIFIER => {
-            j1939::identifier(number).into_iter().chain([code::abort(asked, number)]).collect()
+            let is_abort = code::may_be_abort(asked, number);
+            let abort = is_abort.then(|| code::abort(asked, number));
+            j1939::identifier(number).into_iter().chain(abort).collect()
         }
         _ => vec![code::abort(asked, number)],
     }

@@ -7,6 +7,7 @@ use cobscope_decoder::profile::{self, Device, Value};
 use cobscope_decoder::wire::canopen::emcy::ByteOrder;
 use cobscope_decoder::wire::isotp::{self, Addresses, FlowStatus, IsoTp, Scheme};
 use cobscope_decoder::wire::uds::{self, Uds};
+use cobscope_decoder::words::plural;
 
 use super::asked::Asked;
 use super::code::section_of;
@@ -96,11 +97,11 @@ pub(super) fn frame(frame: &Frame, asked: &Asked) -> Option<String> {
     let message = match isotp::parse(frame.data(), frame.data().len()) {
         Err(missing) => {
             let (needed, offset, available) = (missing.needed, missing.offset, missing.available);
-            format!("too short: {available} of {needed} bytes there from byte {offset}")
+            format!("too short: {available} of {} there from byte {offset}", plural(needed, "byte"))
         }
         Ok(IsoTp::Single { data }) => format!("single frame: {}", message(data, asked)),
         Ok(IsoTp::First { size, data }) => {
-            format!("first frame of {size} bytes: {}", message(data, asked))
+            format!("first frame of {}: {}", plural(size, "byte"), message(data, asked))
         }
         Ok(IsoTp::Consecutive { sequence, .. }) => format!("consecutive frame {sequence}"),
         Ok(IsoTp::FlowControl(control)) => {
@@ -111,7 +112,7 @@ pub(super) fn frame(frame: &Frame, asked: &Asked) -> Option<String> {
             };
             let block = match control.block_size {
                 0 => "all frames".to_owned(),
-                frames => format!("{frames} frames"),
+                frames => plural(frames, "frame"),
             };
             let pause = control.separation() / 1_000;
             format!("flow control: {status}, {block}, {pause} µs between them at least")

@@ -18,6 +18,7 @@ use cobscope_decoder::session::{Bus, Observer};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::findings::text::{self, TextOptions};
 use cobscope_decoder::sink::findings::{Judged, Report, jsonl};
+use cobscope_decoder::words::plural;
 
 use super::pump::{Came, Pump};
 use super::{Refusal, is_down, open, recorder, shown};
@@ -72,7 +73,7 @@ pub(super) fn watch(
     watch.tell_troubles(&live);
     let exit = watch.finish(arguments, &live);
     for bus in &live.buses {
-        say(&format!("{}; {} lost", shown(bus), plural(bus.lost)));
+        say(&format!("{}; {} lost", shown(bus), plural(bus.lost, "frame")));
     }
     if let Some(outcome) = &outcome {
         say(&format!("recorded {outcome}"));
@@ -100,10 +101,6 @@ fn greet(live: &Live) {
 
 fn say(text: &str) {
     let _ = writeln!(std::io::stderr(), "cobscope: {}", escape(text));
-}
-
-fn plural(count: u64) -> String {
-    if count == 1 { "1 frame".into() } else { format!("{count} frames") }
 }
 
 /// Becomes true when the program is told to end, by Ctrl-C or otherwise.

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use cobscope_decoder::finding::{RuleOrigin, Severity};
 use cobscope_decoder::profile::device::DeviceRule;
 use cobscope_decoder::profile::{Catalogue, Device};
+use cobscope_decoder::query::fields::distance;
 use cobscope_decoder::rules::{Tolerance, declarations, manual};
 
 /// A rule with all that is known of it.
@@ -62,6 +63,21 @@ pub(in crate::cmd) fn find(catalogue: &Catalogue, name: &str) -> Option<Listed> 
     let may_be =
         is_general || name.split_once(':').is_some_and(|(id, _)| catalogue.ids().contains(&id.to_owned()));
     may_be.then(|| listed(catalogue).into_iter().find(|rule| rule.name == name)).flatten()
+}
+
+/// The name of the rule that is most likely meant: one that differs by a letter or two, or begins so.
+pub(in crate::cmd) fn meant(catalogue: &Catalogue, name: &str) -> Option<String> {
+    const SLIPS: usize = 2;
+    const BEGINNING: usize = 4;
+    // Codes and identifiers are no words.
+    let is_word =
+        name.len() >= BEGINNING && name.chars().any(|it| it.is_ascii_lowercase() && !it.is_ascii_hexdigit());
+    let names = listed(catalogue).into_iter().filter(|_| is_word).map(|rule| rule.name);
+    let near = names.filter_map(|known| {
+        let slips = if known.starts_with(name) { 0 } else { distance(name, &known) };
+        (slips <= SLIPS).then_some((slips, known))
+    });
+    near.min().map(|(_, known)| known)
 }
 
 /// Every device in each of its variants; a broken profile has none.

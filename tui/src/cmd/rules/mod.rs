@@ -12,7 +12,7 @@ use cobscope_decoder::sink::table::{Align, Table};
 use super::input::common_catalogue;
 use crate::cli::{RulesArgs, RulesFormat};
 use crate::exit_code::Exit;
-pub(super) use listed::{Listed, find, listed};
+pub(super) use listed::{Listed, find, listed, meant};
 pub(super) use page::page;
 pub(crate) use page::sections as rule_sections;
 

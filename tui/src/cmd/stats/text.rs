@@ -8,6 +8,7 @@ use cobscope_decoder::session::{Bus, Node};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::table::{Align, Table};
 use cobscope_decoder::statistics::{BusStatistics, Distribution, Intervals, NodeStatistics, dtc_of_key};
+use cobscope_decoder::words::plural;
 
 use super::{Report, j1939};
 use crate::figures::{millis, seconds};
@@ -40,7 +41,7 @@ fn quality(report: &Report<'_>, text: &mut String) {
     let quality = &report.statistics.quality;
     let duration =
         quality.duration().map_or("without times".into(), |duration| format!("in {} s", seconds(duration)));
-    let _ = write!(text, "capture   {} frames {duration}", quality.frames);
+    let _ = write!(text, "capture   {} {duration}", plural(quality.frames, "frame"));
     if let Some(stamps) = stamps(quality) {
         let _ = write!(text, "; {stamps}");
     }
@@ -65,8 +66,9 @@ fn load(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics, start: i64, 
     if statistics.undecoded + statistics.malformed > 0 {
         let _ = writeln!(
             text,
-            "          {} frames of no known service, {} malformed",
-            statistics.undecoded, statistics.malformed
+            "          {} of no known service, {} malformed",
+            plural(statistics.undecoded, "frame"),
+            statistics.malformed
         );
     }
 }
@@ -130,8 +132,9 @@ fn nodes(bus: &Bus, statistics: &BusStatistics, end: Option<i64>, start: i64, te
             let every = period(&node.guard_requests, start);
             let _ = writeln!(
                 text,
-                " {:>6}  guarding: {replies} of {requests} requests answered;{every}",
-                id.label()
+                " {:>6}  guarding: {replies} of {} answered;{every}",
+                id.label(),
+                plural(requests, "request")
             );
         }
     }
@@ -247,6 +250,6 @@ fn ids(bus: &Bus, statistics: &BusStatistics, end: Option<i64>, start: i64, text
         let _ = writeln!(text, " R: remote frames");
     }
     if statistics.other_ids > 0 {
-        let _ = writeln!(text, " further identifiers: {} frames", statistics.other_ids);
+        let _ = writeln!(text, " further identifiers: {}", plural(statistics.other_ids, "frame"));
     }
 }

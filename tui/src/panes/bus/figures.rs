@@ -11,6 +11,7 @@
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::statistics::BusStatistics;
+use cobscope_decoder::words::plural;
 use ratatui::text::Line;
 
 use crate::app::Core;
@@ -32,7 +33,7 @@ pub(super) fn lines(
 ) -> Labelled {
     let mut told = Vec::new();
     if !survey.is_complete {
-        told.push(("so far", Role::Note, format!("{} frames are looked at", survey.frames)));
+        told.push(("so far", Role::Note, format!("looked at {}", plural(survey.frames, "frame"))));
     }
     if let Some((bus, statistics)) = bus {
         told.extend(rates_of(survey, bus, statistics).into_iter().map(|text| ("frames", Role::Text, text)));
@@ -44,7 +45,7 @@ pub(super) fn lines(
             told.push((
                 "unknown",
                 role,
-                format!("{undecoded} frames of no known service, {malformed} malformed"),
+                format!("{} of no known service, {malformed} malformed", plural(undecoded, "frame")),
             ));
         }
     }

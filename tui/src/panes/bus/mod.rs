@@ -16,6 +16,7 @@ mod figures;
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::sink::escape;
+use cobscope_decoder::words::plural;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
@@ -189,7 +190,7 @@ impl BusPane {
             Span::raw(format!("  here {load}, {} frames/s", content.frames)),
         ];
         if content.errors > 0 {
-            let text = format!("  {} error frames", content.errors);
+            let text = format!("  {}", plural(content.errors, "error frame"));
             spans.push(Span::styled(text, theme.style(Role::Bad)));
         }
         draw::line(buf, behind_scale(area), &Line::from(spans), draw::Align::Left, theme);

@@ -12,6 +12,7 @@ use cobscope_decoder::frame::Frame;
 use cobscope_decoder::profile::{Storage, uds};
 use cobscope_decoder::query::record;
 use cobscope_decoder::session::Node;
+use cobscope_decoder::words::plural;
 
 use super::document::{Item, Leads};
 use super::meaning;
@@ -42,7 +43,7 @@ pub(super) fn items(core: &Core, node: Option<&Node>, event: &Event, chosen: Opt
 /// `12 frames {20}..{31}, 5.0 ms`.
 fn extent(event_frames: u64, duration: Option<i64>, size: u64) -> String {
     let duration = duration.map_or(String::new(), |duration| format!(", {}", milliseconds(duration)));
-    format!("{event_frames} frames{duration}, {size} bytes")
+    format!("{}{duration}, {}", plural(event_frames, "frame"), plural(size, "byte"))
 }
 
 /// `5.123 ms`.
@@ -136,11 +137,12 @@ fn j1939(transfer: &J1939Transfer, items: &mut Vec<Item>) {
     let source = transfer.source;
     items.push(Item::new(&format!("{group}{name}, {mode}, {source} → {to}: {outcome}"), Role::Text));
     let announced = transfer.announced.map_or(String::new(), |bytes| format!(", {bytes} announced"));
-    let packets = transfer.packets.map_or(String::new(), |packets| format!(", {packets} packets"));
+    let packets =
+        transfer.packets.map_or(String::new(), |packets| format!(", {}", plural(packets, "packet")));
     let extent = extent(transfer.frame_count, transfer.duration, transfer.size);
     items.push(Item::quiet(&format!("{extent}{announced}{packets}")));
     if transfer.missing > 0 || transfer.repeated > 0 {
-        let text = format!("{} packets missing, {} repeated", transfer.missing, transfer.repeated);
+        let text = format!("{} missing, {} repeated", plural(transfer.missing, "packet"), transfer.repeated);
         items.push(Item::new(&text, Role::Caution));
     }
     if let Some(abort) = transfer.abort {
@@ -190,7 +192,7 @@ fn diagnostic(core: &Core, exchange: &UdsExchange, items: &mut Vec<Item>) {
         items.extend(time.map(|time| Item::quiet(&format!("{what} {}", milliseconds(time)))));
     }
     if exchange.pending > 0 {
-        items.push(Item::quiet(&format!("{} times \"response pending\"", exchange.pending)));
+        items.push(Item::quiet(&format!("{} \"response pending\"", plural(exchange.pending, "time"))));
     }
     for (what, message) in [("request", &exchange.request), ("response", &exchange.response)] {
         if let Some(message) = message {
@@ -202,7 +204,7 @@ fn diagnostic(core: &Core, exchange: &UdsExchange, items: &mut Vec<Item>) {
 fn said(what: &str, message: &Message, items: &mut Vec<Item>) {
     let (first, last) = (message.frames.first, message.frames.last);
     let frames = if first == last { format!("{{{first}}}") } else { format!("{{{first}}}..{{{last}}}") };
-    let text = format!("{what} {frames} on {}, {} bytes", message.id, message.size);
+    let text = format!("{what} {frames} on {}, {}", message.id, plural(message.size, "byte"));
     items.push(Item::new(&text, Role::Text).at(first));
     dump(&message.data, items);
 }

@@ -13,7 +13,8 @@ use cobscope_decoder::finding::{Cause, Findings, Group, SuppressionUse};
 use cobscope_decoder::rules::section;
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::findings::incident::absorbed;
-use cobscope_decoder::sink::findings::{moment, notes, plural, what, who};
+use cobscope_decoder::sink::findings::{moment, notes, what, who};
+use cobscope_decoder::words::plural;
 use ratatui::text::{Line, Span};
 
 use super::rows::Facts;
@@ -38,8 +39,8 @@ pub(super) fn quality(core: &Core, survey: &Survey) -> Vec<Line<'static>> {
     }
     let Some(findings) = &survey.findings else {
         let text = format!(
-            "{} frames judged so far; what explains what, and how often, is known at the end",
-            survey.frames
+            "{} judged so far; what explains what, and how often, is known at the end",
+            plural(survey.frames, "frame")
         );
         lines.push(labelled(Role::Note, "judging", &text));
         return lines;

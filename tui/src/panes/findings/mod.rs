@@ -17,6 +17,7 @@ use std::borrow::Cow;
 use std::collections::BTreeSet;
 
 use cobscope_decoder::finding::Verdict;
+use cobscope_decoder::words::plural;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
@@ -307,7 +308,11 @@ fn empty(survey: &Survey) -> String {
     let used = findings.rules.iter().zip(&findings.tallies).filter(|(rule, _)| rule.is_on);
     let (none, judged): (Vec<_>, Vec<_>) =
         used.map(|(_, tally)| tally.verdict()).partition(|verdict| *verdict == Verdict::NotExercised);
-    format!("no findings: {} rules judged this capture, {} had nothing to judge", judged.len(), none.len())
+    format!(
+        "no findings: {} judged this capture, {} had nothing to judge",
+        plural(judged.len(), "rule"),
+        none.len()
+    )
 }
 
 fn row(core: &Core, item: &Item, facts: &Facts) -> Row<'static> {

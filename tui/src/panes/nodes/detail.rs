@@ -11,6 +11,7 @@ use cobscope_decoder::sink::escape;
 use cobscope_decoder::statistics::IdentifierRow;
 use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::wire::canopen::ObjectAddress;
+use cobscope_decoder::words::plural;
 use ratatui::text::{Line as Text, Span};
 
 use super::line::{Key, age, period};
@@ -99,9 +100,9 @@ fn rhythm(row: &IdentifierRow) -> String {
         (Some(mean), Some(shortest), Some((longest, _))) => {
             let all = [mean, shortest, longest].map(|it| format!("{:.1}", milliseconds(it)));
             let [mean, shortest, longest] = all;
-            format!("{} times, each {mean} ms, from {shortest} to {longest} ms", row.count)
+            format!("{}, each {mean} ms, from {shortest} to {longest} ms", plural(row.count, "time"))
         }
-        _ => format!("{} times", row.count),
+        _ => plural(row.count, "time"),
     }
 }
 
@@ -202,12 +203,12 @@ fn start(core: &Core, subject: &Subject<'_>) -> Option<String> {
         let separator = if text.is_empty() { "" } else { " · " };
         let _ = write!(
             text,
-            "{separator}{} starts, the last{at} {{{}}}: {why}",
-            subject.node.boots(),
+            "{separator}{}, the last{at} {{{}}}: {why}",
+            plural(subject.node.boots(), "start"),
             start.frame
         );
         if start.lost > 0 {
-            let _ = write!(text, ", {} settings lost", start.lost);
+            let _ = write!(text, ", {} lost", plural(start.lost, "setting"));
         }
     }
     (!text.is_empty()).then_some(text)

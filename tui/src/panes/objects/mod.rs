@@ -12,6 +12,7 @@
 mod rows;
 
 use cobscope_decoder::wire::canopen::ObjectAddress;
+use cobscope_decoder::words::plural;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
@@ -111,10 +112,10 @@ impl Objects {
     }
 
     fn head(&self, core: &Core, subject: &Subject<'_>, count: usize) -> Line<'static> {
-        let found = match self.search.is_empty() {
-            true if count == 1 => "1 object".into(),
-            true => format!("{count} objects"),
-            false => format!("{count} with \"{}\"", self.search),
+        let found = if self.search.is_empty() {
+            plural(count, "object")
+        } else {
+            format!("{count} with \"{}\"", self.search)
         };
         let time = core.seconds(core.time()).map_or(String::new(), |time| format!(" at {time:.3} s"));
         let others = rows::nodes(core).len().saturating_sub(1);

@@ -10,6 +10,7 @@ use cobscope_decoder::profile::{Dictionary, Meaning, Value, integer};
 use cobscope_decoder::session::{Bus, Entry, Node};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::canopen::ObjectAddress;
+use cobscope_decoder::words::plural;
 
 use crate::app::{Core, NodeKey};
 use crate::panes::detail::meaning;
@@ -152,7 +153,7 @@ impl<'a> Subject<'a> {
         if let Some(entry) = known.entry {
             let data = entry.value.iter().take(LONGEST).map(|byte| format!("{byte:02X}"));
             let more = if entry.size > LONGEST as u64 { " …" } else { "" };
-            let bytes = if entry.size == 1 { "1 byte".into() } else { format!("{} bytes", entry.size) };
+            let bytes = plural(entry.size, "byte");
             lines.push(format!("{bytes}: {}{more}", data.collect::<Vec<_>>().join(" ")));
         }
         let waits = self.waits(known);

@@ -1,6 +1,7 @@
 //! SDO messages in words, for people.
 
 use super::{Payload, Sdo, Segment};
+use crate::words::plural;
 
 impl Sdo<'_> {
     /// The message in words, for people.
@@ -30,7 +31,7 @@ impl Sdo<'_> {
     }
 
     fn describe_block(&self) -> String {
-        let bytes = |size: Option<u32>| size.map_or("size not said".into(), |size| format!("{size} bytes"));
+        let bytes = |size: Option<u32>| size.map_or("size not said".into(), |size| plural(size, "byte"));
         let crc = |crc: bool| if crc { "CRC" } else { "no CRC" };
         match *self {
             Self::InitiateBlockDownload { object, crc: with, size } => {
@@ -51,8 +52,9 @@ impl Sdo<'_> {
             }
             Self::EndBlockDownload(end) | Self::EndBlockUpload(end) => {
                 format!(
-                    "end of block transfer, {} bytes of the last segment unused, CRC {:04X}",
-                    end.unused, end.crc
+                    "end of block transfer, {} of the last segment unused, CRC {:04X}",
+                    plural(end.unused, "byte"),
+                    end.crc
                 )
             }
             Self::StartBlockUpload => "start of block upload".into(),
@@ -66,11 +68,11 @@ impl Sdo<'_> {
 impl Payload<'_> {
     fn describe(&self) -> String {
         match self {
-            Self::Expedited { data, sized: true } => format!("expedited, {} bytes", data.len()),
+            Self::Expedited { data, sized: true } => format!("expedited, {}", plural(data.len(), "byte")),
             Self::Expedited { data, sized: false } => {
-                format!("expedited, size not said, {} bytes there", data.len())
+                format!("expedited, size not said, {} there", plural(data.len(), "byte"))
             }
-            Self::Segmented { size: Some(size) } => format!("segmented, {size} bytes"),
+            Self::Segmented { size: Some(size) } => format!("segmented, {}", plural(*size, "byte")),
             Self::Segmented { size: None } => "segmented, size not said".into(),
         }
     }
@@ -79,6 +81,6 @@ impl Payload<'_> {
 impl Segment<'_> {
     fn describe(&self) -> String {
         let last = if self.last { ", the last one" } else { "" };
-        format!("toggle {}, {} bytes{last}", u8::from(self.toggle), self.data.len())
+        format!("toggle {}, {}{last}", u8::from(self.toggle), plural(self.data.len(), "byte"))
     }
 }

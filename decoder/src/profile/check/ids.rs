@@ -1,0 +1,57 @@
+//! Ids of a profile and its variants: they are written in options, as `--node 5=ID:VARIANT`.
+
+use serde::Deserialize;
+use toml::Spanned;
+
+use super::is_kebab;
+use crate::profile::position::TextError;
+
+/// What of a profile is looked at here.
+#[derive(Deserialize)]
+struct Ids {
+    id: Option<Spanned<String>>,
+    #[serde(default)]
+    variant: Vec<Variant>,
+}
+
+#[derive(Deserialize)]
+struct Variant {
+    id: Spanned<String>,
+}
+
+/// Ids of a profile that no option can name; `text` is known to be a profile.
+pub fn check_ids(text: &str) -> Vec<TextError> {
+    let Ok(Ids { id, variant }) = toml::from_str::<Ids>(text) else { return Vec::new() };
+    let Some(id) = id else {
+        return vec![TextError::at(text, 0..0, "a profile needs an id".to_owned())];
+    };
+    let all = std::iter::once(id).chain(variant.into_iter().map(|variant| variant.id));
+    let wrong = all.filter(|id| !is_kebab(id.get_ref()));
+    wrong
+        .map(|id| {
+            let message = format!("'{}' is no id: small letters, digits and hyphens", id.get_ref());
+            TextError::at(text, id.span(), message)
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn errors(text: &str) -> Vec<String> {
+        check_ids(text).iter().map(|it| format!("{}: {}", it.line, it.message)).collect()
+    }
+
+    #[test]
+    fn ids_can_be_named_in_options() {
+        assert_eq!(errors("id = \"acme-pump2\"\n[[variant]]\nid = \"a\"\n"), [""; 0]);
+        for id in ["", "acme pump", "acme:pump", "Acme"] {
+            let said = format!("1: '{id}' is no id: small letters, digits and hyphens");
+            assert_eq!(errors(&format!("id = \"{id}\"\n")), [said]);
+        }
+        let said = "3: 'B' is no id: small letters, digits and hyphens";
+        assert_eq!(errors("id = \"a\"\n[[variant]]\nid = \"B\"\n"), [said]);
+        assert_eq!(errors("title = \"a\"\n"), ["1: a profile needs an id"]);
+    }
+}

@@ -1,0 +1,24 @@
+//! Words that any text needs.
+//!
+//! ```text
+//! 1 frame   2 frames   0 frames   1 object
+//! ```
+
+use std::fmt::Display;
+
+/// A count of things: `1 error`, `2 errors`.
+pub fn plural<N: Copy + Display + PartialEq + From<u8>>(count: N, what: &str) -> String {
+    let ending = if count == N::from(1) { "" } else { "s" };
+    format!("{count} {what}{ending}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_thing_is_not_several() {
+        assert_eq!([plural(0_u64, "frame"), plural(1_usize, "frame")], ["0 frames", "1 frame"]);
+        assert_eq!(plural(2_u32, "byte"), "2 bytes");
+    }
+}

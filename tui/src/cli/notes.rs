@@ -1,0 +1,93 @@
+//! What stands below the options in help and manual pages: examples, exit statuses.
+
+/// Exit statuses, as the README has them.
+pub const EXIT_STATUS: &str = "\
+Exit status:
+  0  done; lines that could not be read do not change it
+  1  check, live --check: findings at or above --fail-on, or a rule that had to be exercised was not
+  2  the command line cannot be understood, or an output cannot be created
+  3  a capture cannot be read or holds no frame, or an output cannot be written to its end
+  4  a profile or bus file is broken, or a device file, DBC or baseline cannot be read";
+
+macro_rules! examples {
+    ($($name:ident: $first:literal, $second:literal, $third:literal;)*) => {
+        $(
+            #[doc = "Examples of a command."]
+            pub const $name: &str = concat!("Examples:\n  ", $first, "\n  ", $second, "\n  ", $third);
+        )*
+
+        #[cfg(test)]
+        const ALL: &[&str] = &[$($first, $second, $third),*];
+    };
+}
+
+examples! {
+    VIEW:
+        "cobscope view customer.log",
+        "cobscope view --node 2=rexroth-sydfec --pane signals a.log b.log",
+        "cobscope view --at 12.5 --filter 'node == 5' customer.log";
+    LIVE:
+        "cobscope live can0",
+        "cobscope live --print --record run.pcapng --record-size 100M can0",
+        "cobscope live --check -T 5000 slcan:/dev/ttyACM0@500000";
+    DECODE:
+        "cobscope decode customer.log",
+        "cobscope decode --filter 'kind == emcy && node == 5' --from 10 --to 60 customer.log",
+        "cobscope decode -f csv -o values.csv --node 2=rexroth-sydfec customer.log";
+    CONVERT:
+        "cobscope convert customer.blf customer.log",
+        "cobscope convert --from 120 --to 180 --only-node 5 run.log part.asc",
+        "cobscope convert --split-size 100M a.trc b.trc all.pcapng";
+    STATS:
+        "cobscope stats customer.log",
+        "cobscope stats --bitrate 250k customer.log",
+        "cobscope stats --bitrate can0:250k --bitrate can1:500k -f json customer.log";
+    OBJECTS:
+        "cobscope objects customer.log",
+        "cobscope objects --node 5 --at 12.5 customer.log",
+        "cobscope objects --node 5 --want pump.dcf customer.log";
+    WHY:
+        "cobscope why customer.log",
+        "cobscope why --node 5 --at 12.5 customer.log",
+        "cobscope why --node 5 --node 5=wandfluh-md2 -f json customer.log";
+    CHECK_EXAMPLES:
+        "cobscope check --node 2=rexroth-sydfec customer.log",
+        "cobscope check --baseline known.json captures/",
+        "cobscope check -f junit -o findings.xml --fail-on warning captures/";
+    EXPLAIN:
+        "cobscope explain 06090030",
+        "cobscope explain 601#2B171000E8030000",
+        "cobscope explain 8102 --device rexroth-sydfec";
+    PROFILES:
+        "cobscope profiles show rexroth-sydfec",
+        "cobscope profiles import pump.eds > devices/pump.toml",
+        "cobscope profiles check devices/pump.toml";
+}
+
+/// Examples of `check`, and what its exit status says.
+pub fn check() -> String {
+    format!("{CHECK_EXAMPLES}\n\n{EXIT_STATUS}")
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser as _;
+
+    use super::*;
+    use crate::cli::Cli;
+
+    #[test]
+    fn examples_are_understood() {
+        for example in ALL {
+            let line = example.split(" > ").next().unwrap();
+            let parts = line.split('\'').enumerate();
+            let words =
+                parts.flat_map(
+                    |(at, part)| {
+                        if at % 2 == 1 { vec![part] } else { part.split_whitespace().collect() }
+                    },
+                );
+            Cli::try_parse_from(words).unwrap_or_else(|error| panic!("{example}: {error}"));
+        }
+    }
+}
