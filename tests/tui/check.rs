@@ -321,7 +321,9 @@ fn a_worse_finding_a_gone_one_and_a_silent_rule_are_told() {
         let said = "silent   emcy-raised is not exercised any more: the baseline has it exercised\n";
         assert!(silent.stdout.contains(said), "{}", silent.stdout);
         assert!(
-            silent.stdout.contains("note     other.log of the baseline was not judged\n"),
+            silent
+                .stdout
+                .contains("absent   other.log: not judged in this run: the baseline has it judged\n"),
             "{}",
             silent.stdout
         );

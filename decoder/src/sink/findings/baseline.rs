@@ -37,6 +37,13 @@ pub struct Known {
     pub text: String,
 }
 
+impl Known {
+    /// `error node-lost|can0|5: silent since {10}`.
+    pub fn line(&self) -> String {
+        format!("{} {}: {}", self.severity, self.fingerprint, self.text)
+    }
+}
+
 /// A rule that was exercised.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -55,6 +62,15 @@ pub struct Comparison {
     pub gone: Vec<Known>,
     /// Rules it saw exercised, which are not any more.
     pub silent: Vec<String>,
+}
+
+/// What became of the captures of an earlier baseline that were not judged this time.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Others {
+    /// How many it still has.
+    pub kept: usize,
+    /// Those it does not have any more.
+    pub dropped: Vec<String>,
 }
 
 impl Baseline {
@@ -123,10 +139,34 @@ impl Baseline {
         for judged in &mut report.captures {
             judged.comparison = self.comparison(judged);
         }
+        report.absent = self.absent(report);
+    }
+
+    /// Takes over what `before` has of captures that were not judged, unless they are gone: `is_there` tells.
+    pub fn keep(&mut self, before: &Self, report: &Report, is_there: impl Fn(&str) -> bool) -> Others {
+        let mut others = Others::default();
+        for capture in before.absent(report) {
+            if !is_there(&capture) {
+                others.dropped.push(capture);
+                continue;
+            }
+            others.kept += 1;
+            let findings = before.findings.iter().filter(|known| known.capture == capture);
+            self.findings.extend(findings.cloned());
+            let verdicts = before.verdicts.iter().filter(|known| known.capture == capture);
+            self.verdicts.extend(verdicts.cloned());
+        }
+        self.findings.sort();
+        self.verdicts.sort();
+        others
+    }
+
+    /// Captures it has that were not judged.
+    fn absent(&self, report: &Report) -> Vec<String> {
         let judged: BTreeSet<String> = report.captures.iter().map(|one| portable(&one.capture)).collect();
         let known = self.verdicts.iter().map(|known| &known.capture);
         let known: BTreeSet<_> = known.chain(self.findings.iter().map(|known| &known.capture)).collect();
-        report.absent = known.into_iter().filter(|capture| !judged.contains(*capture)).cloned().collect();
+        known.into_iter().filter(|capture| !judged.contains(*capture)).cloned().collect()
     }
 
     fn comparison(&self, judged: &Judged) -> Comparison {
