@@ -1,9 +1,9 @@
 //! `cobscope decode`: captures to events.
 
-use std::io::ErrorKind;
 use std::sync::Arc;
 
 use super::input::{captures, session_options, setup};
+use super::output::{files_read, told};
 use super::print::{Judging, Printer, engine};
 use super::{complain, decode_capture};
 use crate::cli::DecodeArgs;
@@ -11,7 +11,7 @@ use crate::exit_code::Exit;
 
 /// Runs the command.
 pub fn run(arguments: &DecodeArgs) -> Exit {
-    let mut printer = match Printer::new(&arguments.print, &arguments.select) {
+    let mut printer = match Printer::new(&arguments.print, &arguments.select, &files_read(&arguments.input)) {
         Ok(printer) => printer,
         Err(error) => {
             complain(&error);
@@ -57,11 +57,5 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
             break;
         }
     }
-    match printer.finish() {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            complain(&anyhow::Error::from(error).context("writing failed"));
-            exit.max(Exit::Capture)
-        }
-        _ => exit,
-    }
+    exit.max(told(printer.finish()))
 }

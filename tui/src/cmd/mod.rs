@@ -10,6 +10,7 @@ mod explain;
 mod input;
 mod live;
 mod objects;
+mod output;
 mod print;
 mod profile_markdown;
 mod profile_page;
@@ -21,8 +22,7 @@ mod view;
 mod want;
 mod why;
 
-use std::fs::File;
-use std::io::{BufWriter, IsTerminal as _, Write};
+use std::io::{IsTerminal as _, Write as _};
 use std::path::Path;
 use std::sync::mpsc::Receiver;
 
@@ -214,26 +214,6 @@ fn unknown_buses(path: &Path, options: &SessionOptions, names: &BusNames) -> Vec
     said.collect()
 }
 
-/// Bytes gathered before they are written.
-const OUTPUT_BUFFER: usize = 64 * 1024;
-
-/// Where output goes: a file, else standard output.
-///
-/// # Errors
-/// When the file cannot be written.
-fn output(path: Option<&Path>) -> anyhow::Result<Box<dyn Write + Send>> {
-    Ok(match path {
-        Some(path) => {
-            let file =
-                File::create(path).with_context(|| format!("{}: cannot be written", path.display()))?;
-            Box::new(BufWriter::with_capacity(OUTPUT_BUFFER, file))
-        }
-        // A pipe or a file takes large pieces; on a terminal each line shows at once.
-        None if std::io::stdout().is_terminal() => Box::new(std::io::stdout()),
-        None => Box::new(BufWriter::with_capacity(OUTPUT_BUFFER, std::io::stdout())),
-    })
-}
-
 /// Whether output is coloured.
 fn is_colored(color: Color, is_file: bool) -> bool {
     match color {
@@ -288,14 +268,12 @@ fn report(
         }
     };
     let mut exit = Exit::Clean;
-    let mut output = String::new();
+    let mut text = String::new();
     for path in captures(input) {
-        if let Some(error) = one(&path, &options, &mut output).unwrap_or_else(Some) {
+        if let Some(error) = one(&path, &options, &mut text).unwrap_or_else(Some) {
             complain(&error);
             exit = exit.max(Exit::Capture);
         }
     }
-    // A closed pipe is no failure.
-    let _ = std::io::stdout().write_all(output.as_bytes());
-    exit
+    exit.max(output::print(text.as_bytes()))
 }

@@ -3,7 +3,8 @@
 use std::fs::File;
 use std::io::{IsTerminal as _, Write};
 #[cfg(feature = "parquet")]
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use std::path::PathBuf;
 use std::sync::Arc;
 #[cfg(feature = "mcap")]
 use std::time::{Duration, Instant};
@@ -25,7 +26,8 @@ use cobscope_decoder::sink::mcap::Mcap;
 use cobscope_decoder::sink::parquet::Parquet;
 use cobscope_decoder::sink::text::{self, PdoLines, Text, TextOptions};
 
-use super::{Watcher, is_colored, output};
+use super::output::output;
+use super::{Watcher, is_colored};
 use crate::cli::{Format, InputArgs, Pdo, PrintArgs, SelectArgs, TimeColumn};
 use crate::select::Selection;
 
@@ -121,7 +123,8 @@ enum Sink {
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
 
 impl Printer {
-    pub(super) fn new(arguments: &PrintArgs, select: &SelectArgs) -> anyhow::Result<Self> {
+    /// Opens what is written, which must not be one of the files `read`.
+    pub(super) fn new(arguments: &PrintArgs, select: &SelectArgs, read: &[PathBuf]) -> anyhow::Result<Self> {
         let default_pdo = if arguments.format == Format::Text { Pdo::Change } else { Pdo::All };
         let pdo = arguments.pdo.unwrap_or(default_pdo);
         let to = arguments.output.as_deref();
@@ -131,17 +134,17 @@ impl Printer {
         );
         let sink = match arguments.format {
             Format::None => Sink::None,
-            Format::Text => Sink::Text(Text::new(output(to)?, text_options(arguments, pdo))),
-            Format::Jsonl => Sink::Jsonl(Jsonl::new(output(to)?)),
-            Format::Csv => Sink::Csv(Csv::new(output(to)?)),
+            Format::Text => Sink::Text(Text::new(output(to, read)?, text_options(arguments, pdo))),
+            Format::Jsonl => Sink::Jsonl(Jsonl::new(output(to, read)?)),
+            Format::Csv => Sink::Csv(Csv::new(output(to, read)?)),
             Format::CsvWide => {
                 let spool = tempfile::tempfile().context("no temporary file can be made")?;
-                Sink::CsvWide(Box::new(CsvWide::new(output(to)?, spool)))
+                Sink::CsvWide(Box::new(CsvWide::new(output(to, read)?, spool)))
             }
             #[cfg(feature = "mcap")]
-            Format::Mcap => Sink::Mcap(Box::new(Mcap::new(output(to)?, arguments.packing.into()))),
+            Format::Mcap => Sink::Mcap(Box::new(Mcap::new(output(to, read)?, arguments.packing.into()))),
             #[cfg(feature = "parquet")]
-            Format::Parquet => Sink::Parquet(Box::new(parquet(to)?)),
+            Format::Parquet => Sink::Parquet(Box::new(parquet(to, read)?)),
         };
         let selection = Selection::new(select);
         let prints = arguments.output.is_none() && arguments.format != Format::None;
@@ -317,10 +320,10 @@ fn tell_left_out(values: u64) {
 
 /// Two files whose names begin alike.
 #[cfg(feature = "parquet")]
-fn parquet(to: Option<&Path>) -> anyhow::Result<Parquet<Output>> {
+fn parquet(to: Option<&Path>, read: &[PathBuf]) -> anyhow::Result<Parquet<Output>> {
     let to = to.context("this format is two files; name them with -o NAME")?;
     let (events, signals) = (beside(to, "events")?, beside(to, "signals")?);
-    let parquet = Parquet::new(output(Some(&events))?, output(Some(&signals))?)
+    let parquet = Parquet::new(output(Some(&events), read)?, output(Some(&signals), read)?)
         .with_context(|| format!("{}: cannot be written", to.display()))?;
     let _ = writeln!(std::io::stderr(), "cobscope: writing {} and {}", events.display(), signals.display());
     Ok(parquet)

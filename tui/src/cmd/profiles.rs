@@ -11,6 +11,7 @@ use cobscope_decoder::samples::check_samples;
 use cobscope_decoder::sink::escape;
 
 use super::device_files;
+use super::output::print;
 use super::profile_markdown::markdown;
 use super::profile_page::page;
 use crate::cli::{PageFormat, ProfilesCommand};
@@ -28,11 +29,6 @@ pub fn run(command: &ProfilesCommand, catalogue: &Catalogue) -> Exit {
         ProfilesCommand::Check { files } => check_files(files),
         ProfilesCommand::Import { file } => import(file),
     }
-}
-
-fn print(text: &str) {
-    // A closed pipe is no failure.
-    let _ = std::io::stdout().write_all(text.as_bytes());
 }
 
 fn complain(text: &str) {
@@ -68,23 +64,21 @@ fn list(catalogue: &Catalogue) -> Exit {
             }
         }
     }
-    print(&text);
-    exit
+    exit.max(print(text.as_bytes()))
 }
 
 fn show(catalogue: &Catalogue, profile: &str, shown: impl Fn(&Device) -> String) -> Exit {
     match catalogue.device(profile) {
-        Ok(device) => print(&shown(&device)),
+        Ok(device) => print(shown(&device).as_bytes()),
         Err(error @ ProfileError::Broken { .. }) => {
             complain(&error.to_string());
-            return Exit::Profile;
+            Exit::Profile
         }
         Err(error) => {
             complain(&format!("{error} (cobscope profiles list)"));
-            return Exit::Usage;
+            Exit::Usage
         }
     }
-    Exit::Clean
 }
 
 /// How much of a device is described.
@@ -124,11 +118,7 @@ fn check_files(files: &[std::path::PathBuf]) -> Exit {
             continue;
         }
         match std::fs::read_to_string(path) {
-            Ok(text) => {
-                if !check_one(path, &name, &text) {
-                    exit = Exit::Profile;
-                }
-            }
+            Ok(text) => exit = exit.max(check_one(path, &name, &text)),
             Err(error) => {
                 complain(&format!("{}: {error}", escape(&name)));
                 exit = Exit::Profile;
@@ -154,17 +144,14 @@ fn check_device_file(path: &Path) -> Exit {
     if !lines.is_empty() {
         return Exit::Profile;
     }
-    print(&format!("{}: ok, {} objects\n", escape(&path.display().to_string()), file.objects.len()));
-    Exit::Clean
+    let shown = path.display().to_string();
+    print(format!("{}: ok, {} objects\n", escape(&shown), file.objects.len()).as_bytes())
 }
 
 /// Writes the profile of a device file.
 fn import(path: &Path) -> Exit {
     match device_files::read(path) {
-        Ok(file) => {
-            print(&imported::toml(&file, &device_files::name(path)));
-            Exit::Clean
-        }
+        Ok(file) => print(imported::toml(&file, &device_files::name(path)).as_bytes()),
         Err(error) => {
             complain(&escape(&format!("{error:#}")));
             Exit::Profile
@@ -173,15 +160,15 @@ fn import(path: &Path) -> Exit {
 }
 
 /// Checks all variants of a profile and runs its samples; standards are taken from this program and from the file's folder.
-fn check_one(path: &Path, name: &str, text: &str) -> bool {
+fn check_one(path: &Path, name: &str, text: &str) -> Exit {
     let mut catalogue = Catalogue::default();
     let folder = path.parent().unwrap_or(Path::new("."));
     super::input::add_siblings(&mut catalogue, folder, path);
     if let Err(error) = catalogue.add_text(name, text) {
         complain(&error.to_string());
-        return false;
+        return Exit::Profile;
     }
-    let Ok(file) = ProfileFile::parse(text) else { return false };
+    let Ok(file) = ProfileFile::parse(text) else { return Exit::Profile };
     let variants: Vec<Option<&str>> = match file.variants() {
         [] => vec![None],
         variants => variants.iter().map(|variant| Some(variant.id.as_str())).collect(),
@@ -203,8 +190,8 @@ fn check_one(path: &Path, name: &str, text: &str) -> bool {
     for error in &said {
         complain(error);
     }
-    if said.is_empty() {
-        print(&format!("{}: ok, {samples} samples\n", escape(name)));
+    if !said.is_empty() {
+        return Exit::Profile;
     }
-    said.is_empty()
+    print(format!("{}: ok, {samples} samples\n", escape(name)).as_bytes())
 }

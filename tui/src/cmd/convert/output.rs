@@ -6,12 +6,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use anyhow::{Context as _, ensure};
+use anyhow::Context as _;
 use cobscope_decoder::capture::{BusNames, FrameWriter, Losses, Notice, WritableFormat, WriteOptions};
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::sink::escape;
 
 use crate::cli::ConvertArgs;
+use crate::cmd::output::{ensure_not_read, files_known};
 use crate::record::Names;
 
 /// Bytes gathered before the system gets them.
@@ -74,7 +75,7 @@ impl Output {
             splits,
             most: arguments.split_size,
             force: arguments.force,
-            read: captures.to_vec(),
+            read: captures.iter().cloned().chain(files_known(&arguments.input)).collect(),
             path: out.to_owned(),
             part: None,
             parts: 0,
@@ -92,12 +93,7 @@ impl Output {
             Some(names) => {
                 self.path = names.next();
                 names.number += 1;
-                let is_read = self.read.iter().any(|capture| is_same(capture, &self.path));
-                ensure!(
-                    !is_read,
-                    "{}: is read and would be written",
-                    escape(&self.path.display().to_string())
-                );
+                ensure_not_read(&self.path, &self.read)?;
                 let mut options = File::options();
                 // Nothing of the user's is written over unasked.
                 options.write(true).truncate(self.force).create(self.force).create_new(!self.force);
@@ -210,18 +206,6 @@ fn refused(path: &Path, error: &io::Error) -> anyhow::Error {
         io::ErrorKind::AlreadyExists => anyhow::anyhow!("{shown}: is there already; --force writes over it"),
         _ => anyhow::anyhow!("{shown}: cannot be made: {error}"),
     }
-}
-
-/// Whether both are one file, also where it has two names.
-fn is_same(one: &Path, other: &Path) -> bool {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::MetadataExt as _;
-        let place = |path: &Path| path.metadata().map(|file| (file.dev(), file.ino()));
-        matches!((place(one), place(other)), (Ok(one), Ok(other)) if one == other)
-    }
-    #[cfg(not(unix))]
-    matches!((one.canonicalize(), other.canonicalize()), (Ok(one), Ok(other)) if one == other)
 }
 
 fn failed(path: &Path) -> String {
