@@ -46,6 +46,31 @@ fn parts_by_size_are_whole_captures_and_together_the_whole() {
 }
 
 #[test]
+fn a_size_without_room_for_a_frame_is_refused() {
+    let source = fixture("canopen/mid_run.log");
+    let source = source.to_str().unwrap();
+    for format in WRITABLE {
+        let folder = Folder::new();
+        let out = format!("@part.{}", format.suffix);
+        let of = |size: u64| {
+            folder.convert(&["--packing", "none", "--split-size", &size.to_string(), source, &out])
+        };
+        let refused = of(5);
+        let least = refused.stderr.strip_prefix("cobscope: --split-size: found 5 bytes, expected ");
+        let least = least
+            .and_then(|rest| rest.split_once(" or more: "))
+            .unwrap_or_else(|| panic!("{}", refused.stderr));
+        assert_eq!((refused.code, folder.names().len()), (2, 0));
+        let least: u64 = least.0.parse().unwrap();
+        assert_eq!(of(least - 1).code, 2, "{}", format.name);
+        assert_eq!(of(least).code, 0, "{}", format.name);
+        for part in folder.names() {
+            assert!(fs::metadata(folder.path(&part)).unwrap().len() <= least, "{part}");
+        }
+    }
+}
+
+#[test]
 fn parts_by_event_begin_with_it() {
     let source = fixture("canopen/nmt_heartbeat.log");
     let source = source.to_str().unwrap();
