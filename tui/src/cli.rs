@@ -16,7 +16,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 pub use check::{CheckArgs, FailOn, FindingFormat};
 pub use convert::ConvertArgs;
 pub use decode::{DecodeArgs, Format, Packing, Pdo, PrintArgs, TimeColumn};
-use input::FILTER_HELP;
+use input::{FILTER_HELP, Otherwise};
 pub use input::{FileArg, InputArgs, NodeArg, Protocol, SelectArgs, StampStyle};
 pub use live::LiveArgs;
 pub use view::{ScreenArgs, ThemeName, ViewArgs};
@@ -35,6 +35,10 @@ pub struct Cli {
     #[command(subcommand)]
     pub command: Command,
 }
+
+/// Help of `--node` where one without a profile chooses.
+const NODE_HELP: &str =
+    "Choose a node: 5, can0:5, sa:0x80; or say what one is: 2=rexroth-sydfec, can0:5=my-device (repeatable)";
 
 /// The subcommands.
 #[derive(Debug, Subcommand)]
@@ -65,10 +69,15 @@ pub enum Command {
     /// Show who is on the bus, how often, how late, and how far the capture can be trusted
     Stats(StatsArgs),
     /// Show what is known of the nodes' objects, and from where
+    ///
+    /// Without --node the nodes that have objects are listed; --node 5 shows those of one, and --node 5=PROFILE tells
+    /// what it is; both may stand together.
+    #[command(mut_arg("node", |arg| arg.value_name("[BUS:]ID[=PROFILE]").help(NODE_HELP)))]
     Objects(ObjectsArgs),
     /// Say what went wrong first, what was before it, and what to check
     ///
     /// The node is chosen by --node 5 and told what it is by --node 5=PROFILE; both may stand together.
+    #[command(mut_arg("node", |arg| arg.value_name("[BUS:]ID[=PROFILE]").help(NODE_HELP)))]
     Why(WhyArgs),
     /// Judge captures by rules: what violates a standard, a manual or your expectations
     ///
@@ -280,6 +289,26 @@ impl Command {
             _ => return None,
         };
         Some(&input.captures)
+    }
+
+    /// What of `--node` cannot be.
+    ///
+    /// # Errors
+    /// A node without profile where none is chosen; a node with two profiles.
+    pub fn check_nodes(&self) -> Result<(), String> {
+        let (input, otherwise) = match self {
+            Self::View(arguments) => (&arguments.input, Some(Otherwise::Filter)),
+            Self::Live(arguments) => (&arguments.input, Some(Otherwise::Filter)),
+            Self::Decode(arguments) => (&arguments.input, Some(Otherwise::Filter)),
+            Self::Convert(arguments) => (&arguments.input, Some(Otherwise::OnlyNode)),
+            Self::Stats(arguments) => (&arguments.input, Some(Otherwise::Decode)),
+            Self::Check(arguments) => (&arguments.input, Some(Otherwise::Decode)),
+            Self::Objects(arguments) => (&arguments.input, None),
+            Self::Why(arguments) => (&arguments.input, None),
+            _ => return Ok(()),
+        };
+        otherwise.map_or(Ok(()), |otherwise| input.check_no_choice(otherwise))?;
+        input.check_devices()
     }
 }
 

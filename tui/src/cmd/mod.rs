@@ -47,6 +47,10 @@ pub fn run(cli: Cli) -> Exit {
         complain(&anyhow::anyhow!("no capture: name a file, or - to read what is typed here"));
         return Exit::Usage;
     }
+    if let Err(error) = cli.command.check_nodes() {
+        complain(&anyhow::Error::msg(error));
+        return Exit::Usage;
+    }
     match cli.command {
         Command::View(arguments) => view::run(&arguments),
         Command::Live(arguments) => live::run(&arguments),
@@ -195,7 +199,8 @@ fn decode_quietly(
     progress.finish();
     decoder.finish(frames.buses(), watcher);
     // Of a capture that was not read to its end not all buses are known.
-    let warnings = if watcher.is_done() { Vec::new() } else { unknown_buses(path, options, frames.buses()) };
+    let warnings =
+        if watcher.is_done() { Vec::new() } else { unknown_buses(path, input, options, frames.buses()) };
     match failure {
         Some(failure) if !has_frames => Err(failure),
         None if !has_frames => anyhow::bail!("{}: holds no frame", path.display()),
@@ -203,15 +208,21 @@ fn decode_quietly(
     }
 }
 
-/// A bus file that names a bus the capture does not have is most likely meant for another name.
-fn unknown_buses(path: &Path, options: &SessionOptions, names: &BusNames) -> Vec<String> {
-    let unknown = options.bus_file.buses.iter().filter(|(name, _)| !names.names().contains(name));
-    let said = unknown.map(|(name, _)| {
-        let has = escape(&names.names().join(", ")).into_owned();
-        let (path, name) = (path.display(), escape(name));
-        format!("{path}: has no bus {name}, which the bus file names; it has {has}")
-    });
-    said.collect()
+/// Who names a bus the capture does not have most likely means another name.
+fn unknown_buses(path: &Path, input: &InputArgs, options: &SessionOptions, names: &BusNames) -> Vec<String> {
+    let of_file = options.bus_file.buses.iter().map(|(name, _)| (name, "the bus file"));
+    let of_nodes = input.node.iter().filter_map(|node| Some((node.bus.as_ref()?, "--node")));
+    let of_files = input.eds.iter().filter_map(|file| Some((file.node.bus.as_ref()?, "--eds")));
+    let all = of_file.chain(of_nodes).chain(of_files);
+    let has: Vec<&str> = names.names().iter().map(String::as_str).collect();
+    all.filter_map(|(name, by)| unknown_bus(path, name, by, &has)).collect()
+}
+
+/// What is said of a bus that `by` names and the capture does not have.
+fn unknown_bus(path: &Path, name: &str, by: &str, names: &[&str]) -> Option<String> {
+    let has = escape(&names.join(", ")).into_owned();
+    let (path, shown) = (path.display(), escape(name));
+    (!names.contains(&name)).then(|| format!("{path}: has no bus {shown}, which {by} names; it has {has}"))
 }
 
 /// Whether output is coloured.

@@ -15,10 +15,11 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, bail, ensure};
 use cobscope_decoder::capture::{BusNames, Item, Notice, WRITABLE, WritableFormat};
 use cobscope_decoder::query::KindSet;
+use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::escape;
 
-use super::complain;
 use super::input::session_options;
+use super::{complain, unknown_bus, unknown_buses};
 use crate::cli::ConvertArgs;
 use crate::exit_code::Exit;
 use crate::record::format;
@@ -35,10 +36,11 @@ pub fn run(arguments: &ConvertArgs) -> Exit {
         Ok(plan) => plan,
         Err(error) => return refuse(&error, Exit::Usage),
     };
-    let choice = match session_options(&arguments.input) {
-        Ok(options) => Choice::new(arguments, options),
+    let options = match session_options(&arguments.input) {
+        Ok(options) => options,
         Err(error) => return refuse(&error, Exit::Profile),
     };
+    let choice = Choice::new(arguments, options.clone());
     let input = match Input::open(captures, &arguments.input, arguments.align) {
         Ok(input) => input,
         Err(error) => return refuse(&error, Exit::Capture),
@@ -47,7 +49,7 @@ pub fn run(arguments: &ConvertArgs) -> Exit {
         Ok(output) => output,
         Err(error) => return refuse(&error, Exit::Usage),
     };
-    Conversion { choice, output, unreadable: 0, is_first: true }.run(input)
+    Conversion { arguments, options, choice, output, unreadable: 0, is_first: true }.run(input)
 }
 
 fn refuse(error: &anyhow::Error, exit: Exit) -> Exit {
@@ -109,14 +111,16 @@ fn format_of(arguments: &ConvertArgs, out: &Path) -> anyhow::Result<&'static Wri
     WRITABLE.iter().find(|format| format.name == name.as_str()).context("-f: there is no such format")
 }
 
-struct Conversion {
+struct Conversion<'a> {
+    arguments: &'a ConvertArgs,
+    options: SessionOptions,
     choice: Choice,
     output: Output,
     unreadable: u64,
     is_first: bool,
 }
 
-impl Conversion {
+impl Conversion<'_> {
     fn run(mut self, mut input: Input) -> Exit {
         let mut exit = Exit::Clean;
         let mut has_frames = false;
@@ -140,6 +144,7 @@ impl Conversion {
             input.progress.tick();
         }
         input.progress.finish();
+        self.tell_unknown_buses(&input);
         if self.unreadable > NAMED {
             say(&format!("{} lines or records could not be read", self.unreadable));
         }
@@ -152,6 +157,19 @@ impl Conversion {
             Err(error) => return end(&error),
         }
         exit
+    }
+
+    /// Of captures that were not read to their end not all buses are known.
+    fn tell_unknown_buses(&self, input: &Input) {
+        if self.choice.is_over() {
+            return;
+        }
+        let name = PathBuf::from(input.names());
+        let names: Vec<&str> = input.buses().names().iter().map(String::as_str).collect();
+        let chosen = self.arguments.only_node.iter().filter_map(|node| node.bus.as_deref());
+        let chosen = chosen.filter_map(|bus| unknown_bus(&name, bus, "--only-node", &names));
+        let known = unknown_buses(&name, &self.arguments.input, &self.options, input.buses());
+        known.into_iter().chain(chosen).for_each(|said| say(&said));
     }
 
     fn take(&mut self, input: &Input) -> anyhow::Result<()> {
