@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::input::{captures, session_options, setup};
+use super::input::{captures, check_rules_of, session_options, setup};
 use super::output::{files_read, told};
 use super::print::{Judging, Printer, engine};
 use super::{complain, decode_capture};
@@ -27,6 +27,10 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
             return Exit::Profile;
         }
     };
+    if let Err(error) = check_rules_of(arguments.select.filter.as_ref(), &setup) {
+        complain(&error);
+        return Exit::Usage;
+    }
     printer.describe(&arguments.input);
     let captures = captures(&arguments.input);
     let several = captures.len() > 1;

@@ -8,6 +8,7 @@ use anyhow::{Context as _, anyhow};
 use cobscope_decoder::bus_file::BusFile;
 use cobscope_decoder::capture::{ReadOptions, TimeStyle};
 use cobscope_decoder::profile::{Catalogue, ProfileError, TextError};
+use cobscope_decoder::query::Filter;
 use cobscope_decoder::rules::Setup;
 use cobscope_decoder::session::{AssignedBy, Assignment, ProtocolChoice, SessionOptions};
 use cobscope_decoder::sink::escape;
@@ -99,6 +100,18 @@ pub(super) fn setup(
     let setup = Setup::new(&file, &text, today).map_err(shown)?;
     setup.check_devices(&file, &text, catalogue).map_err(shown)?;
     Ok(setup)
+}
+
+/// Holds the rules that a filter names to those there are.
+///
+/// # Errors
+/// A rule that does not exist, so that nothing could match.
+pub(super) fn check_rules_of(filter: Option<&Filter>, setup: &Setup) -> anyhow::Result<()> {
+    let rules = filter.map(|filter| filter.required("rule")).unwrap_or_default();
+    for rule in rules {
+        setup.check_name(rule).map_err(anyhow::Error::msg).context("--filter")?;
+    }
+    Ok(())
 }
 
 /// Devices of nodes: of the bus file, then of the options, which go before it.

@@ -99,8 +99,47 @@ pub(super) struct Printer {
     pdo: Pdo,
     frames: bool,
     on_terminal: bool,
+    shown: Shown,
     #[cfg(feature = "mcap")]
     flushed: Instant,
+}
+
+/// What became of the events that were selected.
+#[derive(Default)]
+struct Shown {
+    is_any: bool,
+    /// Only shown with `--all`, `--frames`, `--pdo all`.
+    all: u64,
+    frames: u64,
+    pdos: u64,
+}
+
+impl Shown {
+    fn see(&mut self, event: &Event, is_shown: bool) {
+        self.is_any |= is_shown;
+        let hidden = match &event.kind {
+            _ if is_shown => return,
+            EventKind::Pdo(_) | EventKind::J1939Message(_) => &mut self.pdos,
+            EventKind::Frame(undecoded) if undecoded.message.is_some() => &mut self.pdos,
+            EventKind::Frame(_) => &mut self.frames,
+            _ => &mut self.all,
+        };
+        *hidden += 1;
+    }
+
+    /// Why nothing was shown of what a filter chooses.
+    fn hidden(&self) -> String {
+        let hidden = [("--all", self.all), ("--frames", self.frames), ("--pdo all", self.pdos)];
+        let hidden: Vec<_> = hidden
+            .iter()
+            .filter(|(_, count)| *count > 0)
+            .map(|(option, count)| format!("{option} ({count})"))
+            .collect();
+        if hidden.is_empty() {
+            return "no event matches the filter".to_owned();
+        }
+        format!("no event that is shown matches the filter; others do with {}", hidden.join(", "))
+    }
 }
 
 /// Where bytes go.
@@ -146,7 +185,7 @@ impl Printer {
             #[cfg(feature = "parquet")]
             Format::Parquet => Sink::Parquet(Box::new(parquet(to, read)?)),
         };
-        let selection = Selection::new(select);
+        let selection = Selection::new(select)?;
         let prints = arguments.output.is_none() && arguments.format != Format::None;
         let on_terminal = prints && std::io::stdout().is_terminal();
         Ok(Self {
@@ -155,6 +194,7 @@ impl Printer {
             pdo,
             frames: arguments.frames,
             on_terminal,
+            shown: Shown::default(),
             #[cfg(feature = "mcap")]
             flushed: Instant::now(),
         })
@@ -183,6 +223,7 @@ impl Printer {
 
     pub(super) fn begin_capture(&mut self, name: &str) {
         self.selection.set_capture(name);
+        self.shown = Shown::default();
         match &mut self.sink {
             Sink::Text(text) => text.heading(&format!("== {name}")),
             Sink::Jsonl(jsonl) => jsonl.set_capture(Some(name.to_owned())),
@@ -194,9 +235,15 @@ impl Printer {
         }
     }
 
-    /// What is said of a capture of which nothing was late enough, whose last frame has this number and stamp.
+    /// What is said of a capture of which nothing was printed, whose last frame has this number and stamp.
     pub(super) fn missed(&self, frame: u64, last: Option<Timestamp>) -> Option<String> {
-        if matches!(self.sink, Sink::None) { None } else { self.selection.missed(frame, last) }
+        if matches!(self.sink, Sink::None) {
+            return None;
+        }
+        self.selection.missed(frame, last).or_else(|| {
+            let is_empty = self.selection.has_filter() && !self.shown.is_any;
+            is_empty.then(|| self.shown.hidden())
+        })
     }
 
     /// Gives what is held back to whoever reads it.
@@ -290,9 +337,12 @@ impl Observer for Printer {
             return;
         }
         if let Sink::Text(text) = &mut self.sink {
-            return text.write(event, bus);
+            let is_shown = text.write(event, bus);
+            return self.shown.see(event, is_shown);
         }
-        if !self.is_wanted(event) {
+        let is_wanted = self.is_wanted(event);
+        self.shown.see(event, is_wanted);
+        if !is_wanted {
             return;
         }
         match &mut self.sink {

@@ -23,6 +23,7 @@ use super::{complain, unknown_bus, unknown_buses};
 use crate::cli::ConvertArgs;
 use crate::exit_code::Exit;
 use crate::record::format;
+use crate::select::ensure_order;
 use choice::Choice;
 use input::Input;
 use output::Output;
@@ -78,6 +79,7 @@ fn plan(arguments: &ConvertArgs) -> anyhow::Result<Plan<'_>> {
     for node in &arguments.only_node {
         ensure!(node.profile.is_none(), "--only-node chooses a node; --node tells what it is");
     }
+    ensure_order(arguments.from, arguments.to)?;
     let format = format_of(arguments, out)?;
     if arguments.comments && !format.holds.comments {
         let with = WRITABLE.iter().filter(|format| format.holds.comments).map(|format| format.title);

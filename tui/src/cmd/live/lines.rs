@@ -22,7 +22,7 @@ use cobscope_decoder::sink::findings::{Judged, Report, jsonl};
 use super::pump::{Came, Pump};
 use super::{Refusal, is_down, open, recorder, shown};
 use crate::cli::{FailOn, Format, LiveArgs};
-use crate::cmd::input::{session_options, setup};
+use crate::cmd::input::{check_rules_of, session_options, setup};
 use crate::cmd::is_colored;
 use crate::cmd::output::{files_read, print, told};
 use crate::cmd::print::Printer;
@@ -49,6 +49,7 @@ pub(super) fn watch(
         Ok((options, Arc::new(setup)))
     });
     let (options, setup) = ready.map_err(|error| (Exit::Profile, error))?;
+    check_rules_of(arguments.select.filter.as_ref(), &setup).map_err(|error| (Exit::Usage, error))?;
     let printer = Printer::new(&arguments.lines, &arguments.select, &files_read(&arguments.input))
         .map_err(|error| (Exit::Usage, error))?;
     let interrupted = interrupted().map_err(|error| (Exit::Capture, error))?;
