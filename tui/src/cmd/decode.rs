@@ -43,6 +43,9 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
         let failure = match decode_capture(path, &arguments.input, &options, &mut judging) {
             Ok(decoded) => {
                 judging.finish(decoded.decoder.buses());
+                if !printer.has_events() {
+                    decoded.tell_unreadable(path);
+                }
                 let (frame, last) = (decoded.decoder.frames(), decoded.decoder.last_time());
                 if let Some(missed) = printer.missed(frame, last) {
                     complain(&anyhow::anyhow!("{}: {missed}", path.display()));

@@ -38,7 +38,7 @@ use crate::cli::{Cli, Color, Command, InputArgs};
 use crate::exit_code::Exit;
 use crate::source;
 use crate::timeline::News;
-use input::{captures, read_options, session_options};
+use input::{captures, read_options, session_options, warn};
 pub(crate) use rules::rule_sections;
 
 /// Runs what the command line says.
@@ -139,6 +139,37 @@ struct Decoded {
     failure: Option<anyhow::Error>,
     /// What else is to be said of it.
     warnings: Vec<String>,
+    /// What of it could not be read.
+    unreadable: Unreadable,
+}
+
+impl Decoded {
+    /// Says what could not be read, where the output has no place for it.
+    fn tell_unreadable(&self, path: &Path) {
+        let Unreadable { count, first: Some(first) } = &self.unreadable else { return };
+        let text = match count {
+            1 => format!("{}: a line or record could not be read: {first}", path.display()),
+            count => format!("{}: {count} lines or records could not be read, first {first}", path.display()),
+        };
+        warn(&text);
+    }
+}
+
+/// Lines and records that could not be read.
+#[derive(Default)]
+struct Unreadable {
+    count: u64,
+    /// Place and reason of the first.
+    first: Option<String>,
+}
+
+impl Unreadable {
+    fn see(&mut self, notices: &[(usize, Notice)]) {
+        for (_, notice) in notices.iter().filter(|(_, notice)| matches!(notice, Notice::Unreadable { .. })) {
+            self.count += 1;
+            self.first.get_or_insert_with(|| notice.to_string());
+        }
+    }
 }
 
 /// Decodes one capture into `watcher`, and says what there is to be said of it.
@@ -178,6 +209,7 @@ fn decode_quietly(
     let mut batch = Batch::new();
     let mut has_frames = false;
     let mut failure = None;
+    let mut unreadable = Unreadable::default();
     while !watcher.is_done() {
         match frames.read(&mut batch) {
             Ok(true) => {}
@@ -191,6 +223,7 @@ fn decode_quietly(
             watcher.begin(first).with_context(name)?;
             has_frames = true;
         }
+        unreadable.see(batch.notices());
         if !push_batch(&mut decoder, &batch, frames.buses(), watcher) {
             break;
         }
@@ -204,7 +237,7 @@ fn decode_quietly(
     match failure {
         Some(failure) if !has_frames => Err(failure),
         None if !has_frames => anyhow::bail!("{}: holds no frame", path.display()),
-        failure => Ok(Decoded { decoder, format: frames.format().title, failure, warnings }),
+        failure => Ok(Decoded { decoder, format: frames.format().title, failure, warnings, unreadable }),
     }
 }
 

@@ -31,6 +31,7 @@ pub fn run(arguments: &ObjectsArgs) -> Exit {
     report(&arguments.input, |path, options, output| {
         let mut until = Until { at: arguments.at, first: None };
         let decoded = decode_capture(path, &arguments.input, options, &mut until)?;
+        decoded.tell_unreadable(path);
         let name = path.display().to_string();
         if several && arguments.format == ReportFormat::Text {
             let _ = writeln!(output, "== {}", escape(&name));

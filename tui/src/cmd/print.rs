@@ -235,6 +235,11 @@ impl Printer {
         }
     }
 
+    /// Whether events of all kinds are written, so that what could not be read stands among them.
+    pub(super) fn has_events(&self) -> bool {
+        !matches!(self.sink, Sink::Csv(_) | Sink::CsvWide(_) | Sink::None)
+    }
+
     /// What is said of a capture of which nothing was printed, whose last frame has this number and stamp.
     pub(super) fn missed(&self, frame: u64, last: Option<Timestamp>) -> Option<String> {
         if matches!(self.sink, Sink::None) {

@@ -148,7 +148,7 @@ impl Conversion<'_> {
         input.progress.finish();
         self.tell_unknown_buses(&input);
         if self.unreadable > NAMED {
-            say(&format!("{} lines or records could not be read", self.unreadable));
+            say(&format!("{}: {} lines or records could not be read", input.names(), self.unreadable));
         }
         if !has_frames {
             complain(&anyhow::anyhow!("{}: holds no frame", input.names()));
@@ -192,23 +192,25 @@ impl Conversion<'_> {
                         self.output.write(frame, bus, self.choice.comment())?;
                     }
                 }
-                Item::Notice(notice) => self.notice(notice, names)?,
+                Item::Notice(notice) => self.notice(notice, input)?,
             }
         }
         Ok(())
     }
 
-    fn notice(&mut self, notice: &Notice, names: &BusNames) -> anyhow::Result<()> {
+    /// Of several captures nobody knows whose notice it is.
+    fn notice(&mut self, notice: &Notice, input: &Input) -> anyhow::Result<()> {
+        let names = input.buses();
         match notice {
             Notice::Unreadable { .. } => {
                 self.unreadable += 1;
                 if self.unreadable <= NAMED {
-                    say(&notice.to_string());
+                    say(&format!("{}: {notice}", input.names()));
                 }
                 Ok(())
             }
             Notice::Assumption(text) => {
-                say(text);
+                say(&format!("{}: {text}", input.names()));
                 Ok(())
             }
             _ => {
