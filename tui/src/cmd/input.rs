@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context as _, anyhow};
-use cobscope_decoder::bus_file::BusFile;
+use cobscope_decoder::bus_file::{BusFile, Written};
 use cobscope_decoder::capture::{ReadOptions, TimeStyle};
 use cobscope_decoder::profile::{Catalogue, ProfileError, TextError};
 use cobscope_decoder::query::Filter;
@@ -122,7 +122,7 @@ fn assignments(
 ) -> anyhow::Result<Vec<Assignment>> {
     let mut all = Vec::new();
     for (bus, node, profile) in file.devices() {
-        let device = catalogue.device(profile).with_context(|| format!("bus file, node {node}"))?;
+        let device = catalogue.device(&profile.text).map_err(|error| misnamed(input, profile, error))?;
         all.push(Assignment { bus: bus.map(Into::into), node, device, by: AssignedBy::BusFile });
     }
     for NodeArg { bus, id, profile } in &input.node {
@@ -135,6 +135,17 @@ fn assignments(
         all.push(Assignment { bus: bus.clone(), node: *id, device, by: AssignedBy::Option });
     }
     Ok(all)
+}
+
+/// What is wrong with a profile that the bus file names: where it names it, unless the profile itself is broken.
+fn misnamed(input: &InputArgs, profile: &Written, error: ProfileError) -> anyhow::Error {
+    let text = input.bus.as_deref().map(bus_file_text);
+    match (&error, text) {
+        (ProfileError::Unknown { .. } | ProfileError::NoVariant { .. }, Some(Ok((name, text)))) => {
+            anyhow!(TextError::at(&text, profile.span.clone(), error.to_string()).show(&name))
+        }
+        _ => error.into(),
+    }
 }
 
 /// All profiles: those of this program, of the user's folder, of the folders named.

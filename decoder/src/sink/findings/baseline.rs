@@ -79,7 +79,7 @@ impl Baseline {
     /// # Errors
     /// Text that is no baseline, with line and column.
     pub fn parse(text: &str) -> Result<Self, String> {
-        let baseline: Self = serde_json::from_str(text).map_err(|error| error.to_string())?;
+        let baseline: Self = serde_json::from_str(text).map_err(|error| plain(&error))?;
         if baseline.version != VERSION {
             return Err(format!("version {} is not known, only {VERSION}", baseline.version));
         }
@@ -201,6 +201,24 @@ impl Baseline {
     }
 }
 
+/// What the reader of JSON says, in plain words.
+fn plain(error: &serde_json::Error) -> String {
+    let text = error.to_string();
+    let text = match text.strip_prefix("EOF while parsing ") {
+        Some(rest) => format!("the file ends inside {rest}"),
+        None => text,
+    };
+    [
+        ("expected struct Baseline", "expected an object"),
+        ("expected struct", "expected"),
+        ("expected a sequence", "expected a list"),
+        ("invalid type: ", "found "),
+        ("found map", "found an object"),
+    ]
+    .iter()
+    .fold(text, |text, (jargon, word)| text.replace(jargon, word))
+}
+
 fn severity(name: &str) -> Option<Severity> {
     [Severity::Note, Severity::Warning, Severity::Error].into_iter().find(|severity| severity.name() == name)
 }
@@ -239,6 +257,8 @@ mod tests {
     fn what_is_none_is_refused_with_its_place() {
         let error = Baseline::parse("{\n  \"version\": 1,\n  x\n}").unwrap_err();
         assert!(error.contains("line 3 column 3"), "{error}");
+        let cut = Baseline::parse("{\"version\": 1,").unwrap_err();
+        assert_eq!(cut, "the file ends inside a value at line 1 column 14");
         let text = "{\"version\": 9, \"findings\": [], \"verdicts\": []}";
         assert_eq!(Baseline::parse(text).unwrap_err(), "version 9 is not known, only 1");
     }
