@@ -48,7 +48,7 @@ pub struct Settings {
     /// Values of objects by node.
     pub objects: Vec<(NodeId, ObjectAddress, ObjectValue)>,
     /// Profiles by node.
-    pub devices: Vec<(NodeId, String)>,
+    pub devices: Vec<(NodeId, Written)>,
     /// EDS, DCF or XDD files by node, relative to the bus file.
     pub device_files: Vec<(NodeId, String)>,
     /// What the maker's tool put into areas, by node and name of the area.
@@ -178,7 +178,7 @@ impl BusFile {
     }
 
     /// Profiles of nodes: bus (all if none), node-ID, profile; what holds everywhere first.
-    pub fn devices(&self) -> impl Iterator<Item = (Option<&str>, NodeId, &str)> {
+    pub fn devices(&self) -> impl Iterator<Item = (Option<&str>, NodeId, &Written)> {
         self.placed(|settings| &settings.devices)
     }
 
@@ -193,16 +193,17 @@ impl BusFile {
 
     /// EDS, DCF and XDD files of nodes, alike.
     pub fn device_files(&self) -> impl Iterator<Item = (Option<&str>, NodeId, &str)> {
-        self.placed(|settings| &settings.device_files)
+        let all = self.placed(|settings| &settings.device_files);
+        all.map(|(bus, node, file)| (bus, node, file.as_str()))
     }
 
-    fn placed(
-        &self,
-        list: impl Fn(&Settings) -> &Vec<(NodeId, String)>,
-    ) -> impl Iterator<Item = (Option<&str>, NodeId, &str)> {
+    fn placed<'a, T: 'a>(
+        &'a self,
+        list: impl Fn(&'a Settings) -> &'a Vec<(NodeId, T)>,
+    ) -> impl Iterator<Item = (Option<&'a str>, NodeId, &'a T)> {
         let buses = self.buses.iter().map(|(name, settings)| (Some(name.as_str()), settings));
         std::iter::once((None, &self.everywhere)).chain(buses).flat_map(move |(bus, settings)| {
-            list(settings).iter().map(move |(node, what)| (bus, *node, what.as_str()))
+            list(settings).iter().map(move |(node, what)| (bus, *node, what))
         })
     }
 }
@@ -294,7 +295,8 @@ mod tests {
             "#,
         )
         .unwrap();
-        assert_eq!(file.devices().collect::<Vec<_>>(), [(None, PUMP, "rexroth-vpcd")]);
+        let devices = file.devices().map(|(bus, node, device)| (bus, node, device.text.as_str()));
+        assert_eq!(devices.collect::<Vec<_>>(), [(None, PUMP, "rexroth-vpcd")]);
         assert_eq!(file.device_files().collect::<Vec<_>>(), [(Some("can1"), PUMP, "pump.eds")]);
         let area = file.area("can0", PUMP, "tx_area").unwrap();
         assert_eq!(area[1], AreaEntry { object: ObjectAddress::new(0x2C74, 0), bytes: 2 });
@@ -338,6 +340,8 @@ mod tests {
     fn values_out_of_range_are_refused() {
         fails("[node.128]\nname = \"x\"", "1:7: a node-ID is 1 to 127");
         fails("[node.pump]\nname = \"x\"", "a node-ID is 1 to 127");
+        fails("[node.2]\nname = \"x\"\n[node.0x02]\nname = \"y\"", "3:7: node 2/02 is given twice");
+        fails("[bus.can0.node.0x02]\n[bus.can0.node.2]", "2:16: node 2/02 is given twice");
         fails("[bus.can0]\nbitrate = 250", "in bit/s: 250 kbit/s is 250000");
         fails("[[id]]\nid = 0x20000000\nservice = \"sync\"", "2:6: an identifier has 11 or 29 bits");
         fails("[[id]]\nid = \"1FFG\"\nservice = \"sync\"", "an identifier");

@@ -285,6 +285,13 @@ impl SuppressionUse {
             None => None,
         }
     }
+
+    /// How many findings do not count for its sake, and why; nothing where it met none.
+    pub fn covered(&self) -> Option<String> {
+        let Self { what, reason, met, .. } = self;
+        let findings = if *met == 1 { "finding" } else { "findings" };
+        (*met > 0).then(|| format!("suppressed {met} {findings} by {what}: {reason}"))
+    }
 }
 
 /// A case of a conformance test that was run: the test tool's verdict and ours.

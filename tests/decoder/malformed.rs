@@ -73,14 +73,14 @@ const READABLE: &[(&str, u64, u64, &str)] = &[
 
 const GZIPPED: &[(&str, u64, u64, &str)] = &[
     ("bomb.log.gz", 2, 1, ""),
-    ("cut_off.log.gz", 338, 0, "incomplete deflate stream"),
+    ("cut_off.log.gz", 338, 0, "the file is cut off: incomplete gzip member at byte 1571"),
     ("long_lines.log.gz", 3, 2, ""),
 ];
 
 /// Captures that cannot be opened, and why.
 const UNREADABLE: &[(&str, &str)] = &[
-    ("cut_off.log.zst", "incomplete frame"),
-    ("cut_off_header.log.gz", "unexpected end of file"),
+    ("cut_off.log.zst", "the file is cut off: incomplete zstd frame at byte 1193"),
+    ("cut_off_header.log.gz", "the file is cut off: incomplete gzip member at byte 7"),
     ("not_gzip.log.gz", "invalid gzip header"),
     ("not_zstd.log.zst", "Unsupported frame parameter"),
 ];

@@ -86,7 +86,7 @@ pub fn parse(name: &str, text: &str) -> Annotated {
         option(given, &mut options, &mut catalogue);
     }
     for (bus, node, profile) in options.bus_file.devices() {
-        let device = catalogue.device(profile).unwrap();
+        let device = catalogue.device(&profile.text).unwrap();
         let bus = bus.map(Into::into);
         options.assignments.push(Assignment { bus, node, device, by: AssignedBy::BusFile });
     }

@@ -96,7 +96,7 @@ fn a_device_of_the_bus_file() {
     let unknown = file("no_device.toml", "[node.2]\ndevice = \"sydfec\"\n");
     let output = run(&["decode", "--bus", unknown.to_str().unwrap()], input);
     assert_eq!(output.code, 4);
-    assert!(output.stderr.contains("node 2: there is no profile 'sydfec'"), "{}", output.stderr);
+    assert!(output.stderr.contains("no_device.toml:2:10: there is no profile 'sydfec'"), "{}", output.stderr);
 }
 
 #[test]
@@ -162,4 +162,77 @@ fn an_expectation_that_is_none_gives_4_and_the_place_in_it() {
          4 | when = 'kind == pdo && nod == 5'\n    |                        ^^^\n"
     );
     assert_eq!(output.stderr, expected);
+}
+
+/// What a command says of a bus file.
+fn said(command: &str, name: &str, bus: &str) -> (i32, String, String) {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("bus_file_{name}.toml"));
+    fs::write(&path, bus).unwrap();
+    let path = path.to_str().unwrap();
+    let output = run(&[command, "--bus", path, "fixtures/devices/sydfec.log"], "");
+    (output.code, output.stdout, output.stderr.replace(path, "bus.toml"))
+}
+
+#[test]
+fn a_profile_that_is_not_there_is_shown_with_its_place() {
+    let (code, _, stderr) =
+        said("decode", "misnamed", "[node.2]\nname = \"pump\"\ndevice = \"rexroth-sydfek\"\n");
+    let expected = "cobscope: bus.toml:3:10: there is no profile 'rexroth-sydfek'; did you mean 'rexroth-sydfec'?\n  \
+                    3 | device = \"rexroth-sydfek\"\n    |          ^^^^^^^^^^^^^^^^\n";
+    assert_eq!((code, stderr.as_str()), (4, expected));
+}
+
+#[test]
+fn types_are_said_in_plain_words() {
+    for (bus, expected) in [
+        ("[expect]\nid = 'a'\n", "bus.toml:1:1: found a table, expected [[expect]]\n"),
+        ("[bus.can0]\nbitrate = 'fast'\n", "2:11: found \"fast\", expected a whole number\n"),
+        ("bus = 5\n", "1:7: found a whole number, expected a table\n"),
+        (
+            "[[expect]]\nid = 'a'\nkind = 'never'\nreason = 'r'\nseconds = 'x'\n",
+            "5:11: found \"x\", expected a number\n",
+        ),
+    ] {
+        let (code, _, stderr) = said("check", "types", bus);
+        let expected = expected.replace("found a whole number, ", "found 5, ");
+        assert!(code == 4 && stderr.contains(&expected), "{bus}: {stderr}");
+        assert!(
+            !stderr.contains("struct") && !stderr.contains("f64") && !stderr.contains("invalid type"),
+            "{stderr}"
+        );
+    }
+}
+
+#[test]
+fn an_expectation_of_what_is_not_there_says_what_is_like_it() {
+    let bus = "[node.2]\nname = 'pump'\ndevice = 'rexroth-sydfec'\n\
+               [[expect]]\nid = 'a'\nkind = 'bounds'\nsignal = 'Pressure actual valeu'\nmax = 90\nreason = 'r'\n\
+               [[expect]]\nid = 'b'\nkind = 'never'\nwhen = 'node_name == \"pumps\"'\nreason = 'r'\n\
+               [[expect]]\nid = 'c'\nkind = 'never'\nwhen = 'kind == emcy'\nbus = 'can9'\nreason = 'r'\n\
+               [[expect]]\nid = 'd'\nkind = 'never'\nwhen = 'signals.name == \"Presure actual value\"'\nreason = 'r'\n";
+    let (_, stdout, stderr) = said("check", "alike", bus);
+    for line in [
+        "a is not exercised: the signal 'Pressure actual valeu' was never seen; did you mean 'Pressure actual value'?",
+        "b is not exercised: no node has the name 'pumps'; did you mean 'pump'?",
+        "c is not exercised: there is no bus 'can9'",
+        "d is not exercised: the signal 'Presure actual value' was never seen; did you mean 'Pressure actual value'?",
+    ] {
+        assert!(stdout.contains(&format!("quality  {line}\n")), "{line}: {stdout}{stderr}");
+    }
+}
+
+#[test]
+fn a_tolerance_that_switches_its_check_off_is_refused() {
+    let of = |tolerance: &str| {
+        let when = "[[expect]]\nid = 'a'\nkind = 'every'\nwhen = 'kind == sync'\nseconds = 1\nreason = 'r'\n";
+        said("check", "tolerance", &format!("{when}tolerance = {tolerance}\n"))
+    };
+    for tolerance in ["1", "1.5", "\"100 %\"", "\"250 %\""] {
+        let (code, _, stderr) = of(tolerance);
+        let wrong = "bus.toml:7:13: a tolerance as long as the period switches the check off";
+        assert!(code == 4 && stderr.contains(wrong), "{tolerance}: {stderr}");
+    }
+    for tolerance in ["0.99", "\"99 %\"", "0.0"] {
+        assert_ne!(of(tolerance).0, 4, "{tolerance}");
+    }
 }

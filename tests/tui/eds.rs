@@ -240,10 +240,9 @@ fn objects_against_a_dcf() {
         ["never-seen", "never-seen", "never-seen", "never-seen", "equal", "differs", "never-seen"]
     );
     assert_eq!((&records[5]["wanted"], &records[5]["data"]), (&"2800".into(), &"1F00".into()));
-    assert_eq!(
-        ok(&["objects", "--want", DCF, "--node", "9", "-"], CONFIGURED).stdout,
-        "node 9/09 was not seen\n"
-    );
+    let absent = run(&["objects", "--want", DCF, "--node", "9", "-"], CONFIGURED);
+    assert_eq!(absent.stderr, "cobscope: -: node 9/09 is not heard; nodes heard: 5\n");
+    assert_eq!((absent.code, absent.stdout.as_str()), (0, ""));
     let eds = run(&["objects", "--want", EDS, "-"], CONFIGURED);
     assert_eq!((eds.code, eds.stderr.contains("wants nothing: an EDS or XDD has no values")), (4, true));
     let text = fs::read_to_string(workspace().join("fixtures/device_files/minimal.eds")).unwrap();

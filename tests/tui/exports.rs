@@ -153,7 +153,7 @@ fn a_capture_without_values_is_a_header() {
 fn a_full_disk_is_said() {
     let output = run(&[&["decode", "-f", "csv-wide", "-o", "/dev/full"][..], &SYDFEC].concat(), "");
     assert_eq!(output.code, 3);
-    assert!(output.stderr.contains("writing failed: No space left"), "{}", output.stderr);
+    assert!(output.stderr.contains("cobscope: /dev/full: No space left"), "{}", output.stderr);
 }
 
 #[cfg(feature = "parquet")]

@@ -184,3 +184,51 @@ fn stamps_that_step_back_are_differences_on_a_screen_and_a_step_in_a_log() {
     assert!(output.contains("20.000  1/01"), "{output}");
     assert!(output.contains("NOTE   stamps step back: read as the time since the frame before"), "{output}");
 }
+
+#[test]
+fn nothing_printed_is_said_with_the_reason() {
+    const CAPTURE: &str = "fixtures/canopen/nmt_heartbeat.log";
+    let said = |words: &[&str]| {
+        let output = cli::run(&[&["decode", CAPTURE], words].concat(), "");
+        assert_eq!((output.code, output.stdout.as_str()), (0, ""), "{words:?}");
+        output.stderr.strip_prefix(&format!("cobscope: {CAPTURE}: ")).unwrap().trim_end().to_owned()
+    };
+    assert_eq!(said(&["--filter", "node == 99"]), "no event matches the filter");
+    let hidden = said(&["--filter", "kind == heartbeat && state == operational"]);
+    assert!(
+        hidden.starts_with("no event that is shown matches the filter; others do with --all ("),
+        "{hidden}"
+    );
+    assert!(!cli::run(&["decode", CAPTURE, "--all", "--filter", "kind == heartbeat"], "").stdout.is_empty());
+    let output = cli::run(&["decode", "-f", "jsonl", "--filter", "id == 0x123"], "(1.0) can0 123#00\n");
+    assert_eq!(
+        (output.stdout.as_str(), output.stderr.as_str()),
+        ("", "cobscope: -: no event that is shown matches the filter; others do with --frames (1)\n")
+    );
+    assert_eq!(cli::run(&["decode", "-f", "none", "--filter", "node == 99", CAPTURE], "").stderr, "");
+    assert!(
+        said(&["--filter", "node == 99", "--from", "100000"]).starts_with("nothing is as late as --from")
+    );
+}
+
+#[test]
+fn what_can_never_match_is_refused() {
+    const CAPTURE: &str = "fixtures/canopen/nmt_heartbeat.log";
+    for (words, said) in [
+        (
+            &["--filter", "rule == node-los"][..],
+            "--filter: there is no rule 'node-los'; did you mean 'node-lost'?",
+        ),
+        (&["--filter", "kind == pdo && pdo == TPD1"], "pdo is never 'TPD1'; did you mean TPDO1?"),
+        (&["--from", "5", "--to", "3"], "--from is behind --to: nothing lies between them"),
+        (&["--from", "#5", "--to", "#3"], "--from is behind --to: nothing lies between them"),
+    ] {
+        let output = cli::run(&[&["decode", CAPTURE], words].concat(), "");
+        assert!(output.code == 2 && output.stderr.contains(said), "{words:?}: {}", output.stderr);
+    }
+    assert_eq!(cli::run(&["convert", "-f", "candump", "--from", "5", "--to", "3", CAPTURE, "-"], "").code, 2);
+    // A rule of a device and an expectation are rules too.
+    let rule = "rule == \"rexroth-sydfec:eeprom-wear\"";
+    assert_eq!(cli::run(&["decode", "--filter", rule, CAPTURE], "").code, 0);
+    assert_eq!(cli::run(&["decode", "--from", "3", "--to", "3", CAPTURE], "").code, 0);
+}

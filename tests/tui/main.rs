@@ -1,6 +1,7 @@
 //! Behaviour of the program as its user sees it.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+mod baseline;
 mod bus_file;
 mod check;
 mod check_schema;
@@ -16,6 +17,7 @@ mod filter;
 mod journeys;
 mod live;
 mod objects;
+mod output;
 mod profiles;
 mod readme;
 mod screens;

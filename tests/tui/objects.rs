@@ -20,6 +20,65 @@ fn a_node_that_is_not_there_is_said() {
 }
 
 #[test]
+fn a_bus_that_is_not_there_is_said_with_those_there_are() {
+    const CAPTURE: &str = "fixtures/canopen/guarding.log";
+    let said = |by: &str| format!("cobscope: {CAPTURE}: has no bus 5, which {by} names; it has can0\n");
+    for (words, by) in [
+        (&["objects", "--node", "5:1", CAPTURE][..], "--node"),
+        (&["why", "--node", "5:1", CAPTURE], "--node"),
+        (&["decode", "--node", "5:1=rexroth-sydfec", CAPTURE], "--node"),
+        (&["check", "--fail-on", "never", "--node", "5:1=rexroth-sydfec", CAPTURE], "--node"),
+        (&["stats", "--bitrate", "5:250k", CAPTURE], "--bitrate"),
+        (&["convert", "-f", "candump", "--node", "5:1=rexroth-sydfec", CAPTURE, "-"], "--node"),
+    ] {
+        let output = run(words, "");
+        assert_eq!((output.code, output.stderr), (0, said(by)), "{words:?}");
+    }
+    assert_eq!(run(&["objects", "--node", "can0:1", CAPTURE], "").stderr, "");
+}
+
+#[test]
+fn a_node_without_profile_chooses_only_where_one_is_chosen() {
+    const CAPTURE: &str = "fixtures/canopen/guarding.log";
+    for (command, only) in [
+        ("decode", "--filter 'bus == \"can0\" && node == 5'"),
+        ("view", "--filter 'bus == \"can0\" && node == 5'"),
+        ("live", "--filter 'bus == \"can0\" && node == 5'"),
+        ("convert", "--only-node can0:5"),
+        ("stats", "decode --filter 'bus == \"can0\" && node == 5'"),
+        ("check", "decode --filter 'bus == \"can0\" && node == 5'"),
+    ] {
+        let output = run(&[command, "--node", "can0:5", CAPTURE], "");
+        let said = format!(
+            "cobscope: --node can0:5: --node can0:5=PROFILE assigns a device; to see one node only use {only}\n"
+        );
+        assert_eq!((output.code, output.stderr, output.stdout.as_str()), (2, said, ""), "{command}");
+    }
+    let hint = run(&["decode", "--filter", "bus == \"can0\" && node == 1", CAPTURE], "");
+    assert_eq!((hint.code, hint.stdout.is_empty()), (0, false), "{}", hint.stderr);
+    for command in ["objects", "why"] {
+        assert!(
+            run(&[command, "--help"], "").stdout.contains("Choose a node: 5, can0:5, sa:0x80"),
+            "{command}"
+        );
+    }
+}
+
+#[test]
+fn a_node_is_one_device() {
+    let of = |second: &str| {
+        let words =
+            ["objects", "--node", "1=rexroth-sydfec", "--node", second, "fixtures/canopen/guarding.log"];
+        run(&words, "")
+    };
+    let said = "cobscope: --node 1=rexroth-vpcd: --node 1=rexroth-sydfec says that it is another device\n";
+    assert_eq!((of("0x01=rexroth-vpcd").code, of("1=rexroth-vpcd").stderr.as_str()), (2, said));
+    // What is said of one bus goes before what is said of all.
+    assert_eq!(of("can0:1=rexroth-vpcd").code, 0);
+    assert_eq!(of("1=rexroth-sydfec").code, 0);
+}
+
+#[test]
 fn values_with_their_origin() {
     // 100C written as F4 01 = 500 and confirmed by frame 3; 100D as 03, confirmed by frame 5.
     let output = run(&["objects", "--node", "0x01", "fixtures/canopen/guarding.log"], "");

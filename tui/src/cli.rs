@@ -17,8 +17,8 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 pub use check::{CheckArgs, FailOn, FindingFormat};
 pub use convert::ConvertArgs;
 pub use decode::{DecodeArgs, Format, Packing, Pdo, PrintArgs, TimeColumn};
-use input::filter_help;
 pub use input::{FileArg, InputArgs, NodeArg, Protocol, SelectArgs, StampStyle};
+use input::{Otherwise, filter_help};
 pub use live::LiveArgs;
 pub use view::{ScreenArgs, ThemeName, ViewArgs};
 
@@ -42,6 +42,10 @@ pub struct Cli {
     #[command(subcommand)]
     pub command: Command,
 }
+
+/// Help of `--node` where one without a profile chooses.
+const NODE_HELP: &str =
+    "Choose a node: 5, can0:5, sa:0x80; or say what one is: 2=rexroth-sydfec, can0:5=my-device (repeatable)";
 
 /// The subcommands.
 #[derive(Debug, Subcommand)]
@@ -80,19 +84,23 @@ pub enum Command {
     Stats(StatsArgs),
     /// Show what is known of the nodes' objects, and from where
     ///
-    /// Long names and values are cut; -f json has them whole.
+    /// Without --node the nodes that have objects are listed; --node 5 shows those of one, and --node 5=PROFILE tells
+    /// what it is; both may stand together. Long names and values are cut; -f json has them whole.
     #[command(after_help = notes::OBJECTS)]
+    #[command(mut_arg("node", |arg| arg.value_name("[BUS:]ID[=PROFILE]").help(NODE_HELP)))]
     Objects(ObjectsArgs),
     /// Say what went wrong first, what was before it, and what to check
     ///
     /// The node is chosen by --node 5 and told what it is by --node 5=PROFILE; both may stand together.
     #[command(after_help = notes::WHY)]
+    #[command(mut_arg("node", |arg| arg.value_name("[BUS:]ID[=PROFILE]").help(NODE_HELP)))]
     Why(WhyArgs),
     /// Judge captures by rules: what violates a standard, a manual or your expectations
     ///
     /// A folder stands for all captures in and below it, in the order of their names; files in it that are no
     /// captures, and hidden ones, are passed over. Ends with 1 where there are findings at or above --fail-on, a
-    /// rule of --require-exercised is not exercised, or one that the baseline has exercised is not any more.
+    /// rule of --require-exercised is not exercised, one that the baseline has exercised is not any more, or a capture
+    /// that the baseline has was not judged.
     #[command(after_help = notes::check())]
     Check(CheckArgs),
     /// List the rules: name, severity, whether it is on, whether it judges times, the defect
@@ -301,6 +309,26 @@ impl Command {
             _ => return None,
         };
         Some(&input.captures)
+    }
+
+    /// What of `--node` cannot be.
+    ///
+    /// # Errors
+    /// A node without profile where none is chosen; a node with two profiles.
+    pub fn check_nodes(&self) -> Result<(), String> {
+        let (input, otherwise) = match self {
+            Self::View(arguments) => (&arguments.input, Some(Otherwise::Filter)),
+            Self::Live(arguments) => (&arguments.input, Some(Otherwise::Filter)),
+            Self::Decode(arguments) => (&arguments.input, Some(Otherwise::Filter)),
+            Self::Convert(arguments) => (&arguments.input, Some(Otherwise::OnlyNode)),
+            Self::Stats(arguments) => (&arguments.input, Some(Otherwise::Decode)),
+            Self::Check(arguments) => (&arguments.input, Some(Otherwise::Decode)),
+            Self::Objects(arguments) => (&arguments.input, None),
+            Self::Why(arguments) => (&arguments.input, None),
+            _ => return Ok(()),
+        };
+        otherwise.map_or(Ok(()), |otherwise| input.check_no_choice(otherwise))?;
+        input.check_devices()
     }
 }
 

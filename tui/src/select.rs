@@ -74,6 +74,21 @@ impl Bound {
     }
 }
 
+/// Refuses bounds between which nothing lies. Bounds of two sorts are compared by no capture.
+///
+/// # Errors
+/// When `--from` is behind `--to`.
+pub fn ensure_order(from: Option<Bound>, to: Option<Bound>) -> anyhow::Result<()> {
+    let is_behind = match (from, to) {
+        (Some(Bound::Offset(from)), Some(Bound::Offset(to))) => from > to,
+        (Some(Bound::Frame(from)), Some(Bound::Frame(to))) => from > to,
+        (Some(Bound::Moment(from)), Some(Bound::Moment(to))) => from > to,
+        _ => false,
+    };
+    ensure!(!is_behind, "--from is behind --to: nothing lies between them");
+    Ok(())
+}
+
 /// Seconds with at most nine digits behind the point.
 fn nanoseconds(text: &str) -> Option<i64> {
     let (seconds, fraction) = text.split_once('.').unwrap_or((text, "0"));
@@ -100,9 +115,18 @@ pub struct Selection {
 
 impl Selection {
     /// What the command line says.
-    pub fn new(arguments: &SelectArgs) -> Self {
+    ///
+    /// # Errors
+    /// When nothing can lie between the bounds.
+    pub fn new(arguments: &SelectArgs) -> anyhow::Result<Self> {
         let SelectArgs { filter, from, to } = arguments;
-        Self { filter: filter.clone(), from: *from, to: *to, ..Self::default() }
+        ensure_order(*from, *to)?;
+        Ok(Self { filter: filter.clone(), from: *from, to: *to, ..Self::default() })
+    }
+
+    /// Whether a filter chooses.
+    pub fn has_filter(&self) -> bool {
+        self.filter.is_some()
     }
 
     /// Names the capture whose events follow.

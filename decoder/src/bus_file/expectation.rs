@@ -326,8 +326,14 @@ fn tolerance(amount: Option<&Spanned<Amount>>, period: i64) -> Result<i64, Wrong
         }
     };
     #[expect(clippy::cast_precision_loss, reason = "a period of at most a year")]
+    let nanoseconds = period as f64;
     let seconds =
-        given.map(|(number, is_share)| if is_share { number / 100.0 * period as f64 / 1e9 } else { number });
+        given.map(|(number, is_share)| if is_share { number / 100.0 * nanoseconds / 1e9 } else { number });
+    if seconds.is_some_and(|seconds| seconds * 1e9 >= nanoseconds) {
+        let reason =
+            "a tolerance as long as the period switches the check off: something would always be in time";
+        return Err((span, reason.into()));
+    }
     let time = match seconds {
         Some(0.0) => Some(0),
         Some(seconds) => time(seconds),

@@ -97,7 +97,7 @@ struct Node {
     #[serde(default)]
     object: Vec<Object>,
     #[serde(default)]
-    device: Option<String>,
+    device: Option<Spanned<String>>,
     #[serde(default, alias = "dcf")]
     eds: Option<String>,
     #[serde(default)]
@@ -189,10 +189,17 @@ fn settings(
         let wrong = || (rate.span(), "bitrate is in bit/s: 250 kbit/s is 250000".to_owned());
         settings.bit_rate = Some(known.ok_or_else(wrong)?);
     }
+    let mut known: Vec<(NodeId, Range<usize>)> = Vec::new();
     for (key, node) in nodes {
         let id: NodeId = key.get_ref().parse().map_err(|message: &str| (key.span(), message.to_owned()))?;
+        if let Some((_, other)) = known.iter().find(|(other, _)| *other == id) {
+            // They come in the order of their names, and the second one in the file is the mistake.
+            let later = if other.start > key.span().start { other.clone() } else { key.span() };
+            return Err((later, format!("{} is given twice", id.words())));
+        }
+        known.push((id, key.span()));
         settings.names.extend(node.name.map(|name| (id, name)));
-        settings.devices.extend(node.device.map(|device| (id, device)));
+        settings.devices.extend(node.device.map(|device| (id, device.into())));
         settings.device_files.extend(node.eds.map(|file| (id, file)));
         for (object, unit) in node.unit {
             settings.units.push((id, address(&object)?, unit));

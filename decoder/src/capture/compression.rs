@@ -1,6 +1,6 @@
 //! Compressed captures, recognised by their first bytes.
 
-use std::io::{BufRead, Read};
+use std::io::{BufRead, ErrorKind, Read, Result};
 
 /// First bytes of gzip (RFC 1952).
 const GZIP: &[u8] = &[0x1F, 0x8B];
@@ -17,7 +17,7 @@ pub fn is_compressed(head: &[u8]) -> bool {
 ///
 /// # Errors
 /// When the source fails, or it is compressed in a way this build leaves out.
-pub fn decompress<'a>(mut source: impl BufRead + Send + 'a) -> std::io::Result<Box<dyn Read + Send + 'a>> {
+pub fn decompress<'a>(mut source: impl BufRead + Send + 'a) -> Result<Box<dyn Read + Send + 'a>> {
     let head = source.fill_buf()?;
     if head.starts_with(GZIP) {
         return gzip(source);
@@ -28,24 +28,79 @@ pub fn decompress<'a>(mut source: impl BufRead + Send + 'a) -> std::io::Result<B
     Ok(Box::new(source))
 }
 
+/// Undoes a compression, and says where a file breaks off inside it.
+#[cfg(any(feature = "gzip", feature = "zstd"))]
+struct Whole<D> {
+    decoder: D,
+    /// What it is inside of.
+    what: &'static str,
+    /// Bytes of the compressed file that were taken.
+    taken: fn(&D) -> u64,
+}
+
+#[cfg(any(feature = "gzip", feature = "zstd"))]
+impl<D: Read> Read for Whole<D> {
+    fn read(&mut self, room: &mut [u8]) -> Result<usize> {
+        self.decoder.read(room).map_err(|error| match error.kind() {
+            ErrorKind::UnexpectedEof => {
+                let place = format!("incomplete {} at byte {}", self.what, (self.taken)(&self.decoder));
+                std::io::Error::new(ErrorKind::UnexpectedEof, place)
+            }
+            _ => error,
+        })
+    }
+}
+
+/// Counts the bytes that are taken of a source.
+#[cfg(any(feature = "gzip", feature = "zstd"))]
+struct Counted<R> {
+    source: R,
+    taken: u64,
+}
+
+#[cfg(any(feature = "gzip", feature = "zstd"))]
+impl<R: BufRead> Read for Counted<R> {
+    fn read(&mut self, room: &mut [u8]) -> Result<usize> {
+        let count = self.source.read(room)?;
+        self.taken = self.taken.saturating_add(count as u64);
+        Ok(count)
+    }
+}
+
+#[cfg(any(feature = "gzip", feature = "zstd"))]
+impl<R: BufRead> BufRead for Counted<R> {
+    fn fill_buf(&mut self) -> Result<&[u8]> {
+        self.source.fill_buf()
+    }
+
+    fn consume(&mut self, count: usize) {
+        self.taken = self.taken.saturating_add(count as u64);
+        self.source.consume(count);
+    }
+}
+
 #[cfg(feature = "gzip")]
 #[expect(clippy::unnecessary_wraps, reason = "one signature with and without the feature")]
-fn gzip<'a>(source: impl BufRead + Send + 'a) -> std::io::Result<Box<dyn Read + Send + 'a>> {
-    Ok(Box::new(flate2::bufread::MultiGzDecoder::new(source)))
+fn gzip<'a>(source: impl BufRead + Send + 'a) -> Result<Box<dyn Read + Send + 'a>> {
+    let counted = Counted { source, taken: 0 };
+    let decoder = flate2::bufread::MultiGzDecoder::new(counted);
+    Ok(Box::new(Whole { decoder, what: "gzip member", taken: |decoder| decoder.get_ref().taken }))
 }
 
 #[cfg(not(feature = "gzip"))]
-fn gzip<'a>(_source: impl BufRead + Send + 'a) -> std::io::Result<Box<dyn Read + Send + 'a>> {
+fn gzip<'a>(_source: impl BufRead + Send + 'a) -> Result<Box<dyn Read + Send + 'a>> {
     Err(std::io::Error::other("gzip capture, but this build leaves out the feature `gzip`"))
 }
 
 #[cfg(feature = "zstd")]
-fn zstd<'a>(source: impl BufRead + Send + 'a) -> std::io::Result<Box<dyn Read + Send + 'a>> {
-    Ok(Box::new(zstd::stream::read::Decoder::with_buffer(source)?))
+fn zstd<'a>(source: impl BufRead + Send + 'a) -> Result<Box<dyn Read + Send + 'a>> {
+    let counted = Counted { source, taken: 0 };
+    let decoder = zstd::stream::read::Decoder::with_buffer(counted)?;
+    Ok(Box::new(Whole { decoder, what: "zstd frame", taken: |decoder| decoder.get_ref().taken }))
 }
 
 #[cfg(not(feature = "zstd"))]
-fn zstd<'a>(_source: impl BufRead + Send + 'a) -> std::io::Result<Box<dyn Read + Send + 'a>> {
+fn zstd<'a>(_source: impl BufRead + Send + 'a) -> Result<Box<dyn Read + Send + 'a>> {
     Err(std::io::Error::other("zstd capture, but this build leaves out the feature `zstd`"))
 }
 

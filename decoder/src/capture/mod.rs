@@ -48,6 +48,7 @@ mod trc;
 mod writer;
 
 use std::fmt;
+use std::io::ErrorKind;
 
 use crate::frame::{BusIndex, LinkState, Timestamp};
 use crate::words::plural;
@@ -155,6 +156,14 @@ impl fmt::Display for Notice {
     }
 }
 
+/// What became of the source.
+fn how(error: &std::io::Error) -> &'static str {
+    match error.kind() {
+        ErrorKind::UnexpectedEof => "the file is cut off",
+        _ => "reading failed",
+    }
+}
+
 /// What failed stands in the text, so it is no source: those who print sources too would say it twice.
 impl From<std::io::Error> for CaptureError {
     fn from(error: std::io::Error) -> Self {
@@ -165,8 +174,8 @@ impl From<std::io::Error> for CaptureError {
 /// Why a capture cannot be read at all, or no further.
 #[derive(Debug, thiserror::Error)]
 pub enum CaptureError {
-    /// The source failed.
-    #[error("reading failed: {0}")]
+    /// The source failed, or breaks off inside of what it is compressed with.
+    #[error("{how}: {0}", how = how(.0))]
     Io(std::io::Error),
     /// No format's reader knows these bytes.
     #[error("not a capture in a known format ({known}); it begins with {found}")]

@@ -40,7 +40,9 @@ impl TextError {
 
     /// What the TOML reader says about `text`.
     pub fn of_toml(text: &str, error: &toml::de::Error) -> Self {
-        Self::at(text, error.span().unwrap_or(0..0), error.message())
+        let span = error.span().unwrap_or(0..0);
+        let line = text.get(span.clone()).and_then(|about| about.lines().next()).unwrap_or_default();
+        Self::at(text, span, plain(error.message(), line.trim()))
     }
 
     /// `FILE:3:9: message`, the line, and a caret line below it.
@@ -64,6 +66,39 @@ impl fmt::Display for TextError {
 }
 
 impl std::error::Error for TextError {}
+
+/// What the reader says in its own words for types, in words of the file. `line` is what it is about.
+fn plain(message: &str, line: &str) -> String {
+    let Some((found, expected)) =
+        message.strip_prefix("invalid type: ").and_then(|rest| rest.split_once(", expected "))
+    else {
+        return message.to_owned();
+    };
+    let value = found.split_once(' ').map_or(found, |(_, value)| value).trim_matches('`');
+    let found = match found.split(' ').next() {
+        Some("map") => "a table",
+        Some("sequence") => "a list",
+        Some("string" | "integer" | "boolean") => value,
+        Some("floating") => value.trim_start_matches("point `"),
+        _ => found,
+    };
+    let expected = match expected.split([' ', ',']).next() {
+        Some("f32" | "f64") => "a number".to_owned(),
+        Some("i8" | "i16" | "i32" | "i64" | "u8" | "u16" | "u32" | "u64" | "usize") => {
+            "a whole number".to_owned()
+        }
+        Some("struct") => "a table".to_owned(),
+        Some("bool" | "boolean") => "true or false".to_owned(),
+        _ if expected == "a map" => "a table".to_owned(),
+        _ if expected == "a sequence" => match line.strip_prefix('[').and_then(|name| name.strip_suffix(']'))
+        {
+            Some(name) if found == "a table" => format!("[[{name}]]"),
+            _ => "a list".to_owned(),
+        },
+        _ => expected.to_owned(),
+    };
+    format!("found {found}, expected {expected}")
+}
 
 /// The character boundary at or before `at`.
 fn floor(text: &str, at: usize) -> usize {

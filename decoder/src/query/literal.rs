@@ -5,6 +5,7 @@ use std::cmp::Ordering;
 use super::expression::Operand;
 use super::fields::{FieldType, Target, nearest};
 use super::record::FieldValue;
+use crate::profile::PdoName;
 use crate::wire::canopen::ObjectAddress;
 
 /// Nanoseconds, and parts of a number compared exactly.
@@ -96,6 +97,9 @@ impl Literal {
             target.field.values.iter().map(String::as_str).collect()
         };
         let Some(text) = self.text.as_deref() else { return Ok(()) };
+        if key == "pdo" {
+            return check_pdo(text);
+        }
         if values.is_empty() || values.contains(&text) || self.number.is_some() {
             return Ok(());
         }
@@ -132,6 +136,24 @@ impl Literal {
             _ => false,
         }
     }
+}
+
+/// Names of PDOs are no list, but have one form.
+fn check_pdo(text: &str) -> Result<(), String> {
+    let name = text.parse::<PdoName>().map(|name| name.to_string());
+    let hint = match name {
+        Ok(name) if name == text => return Ok(()),
+        Ok(name) => format!("did you mean {name}?"),
+        Err(form) => {
+            let letters = text.trim_end_matches(|letter: char| letter.is_ascii_digit());
+            let number = text.strip_prefix(letters).filter(|number| !number.is_empty());
+            let meant = nearest(letters, &["tpdo", "rpdo"].into_iter()).zip(number);
+            let meant =
+                meant.and_then(|(letters, number)| format!("{letters}{number}").parse::<PdoName>().ok());
+            meant.map_or_else(|| form.to_owned(), |name| format!("did you mean {name}?"))
+        }
+    };
+    Err(format!("pdo is never '{text}'; {hint}"))
 }
 
 fn has_within(data: &[u8], part: &[u8]) -> bool {
@@ -330,6 +352,11 @@ mod tests {
             read("crc", "broken").unwrap_err(),
             "crc is never 'broken'; there are correct, wrong, not-used, unchecked"
         );
+        assert_eq!(read("pdo", "TPD1").unwrap_err(), "pdo is never 'TPD1'; did you mean TPDO1?");
+        assert_eq!(read("pdo", "rpdo12").unwrap_err(), "pdo is never 'rpdo12'; did you mean RPDO12?");
+        assert_eq!(read("pdo", "x").unwrap_err(), "pdo is never 'x'; a PDO is written TPDO1 or RPDO1");
+        assert_eq!(read("pdo", "TPDO513").unwrap_err(), "pdo is never 'TPDO513'; PDOs are numbered 1 to 512");
+        assert!(read("pdo", "TPDO512").is_ok());
         assert!(read("bus", "whatever").is_ok());
         assert_eq!(read("node", "master").unwrap_err(), "node is a number; 'master' is not");
         assert!(read("signals", "1").is_err());

@@ -156,6 +156,11 @@ impl Engine {
             judge.all(bus, &mut self.ledger, |rule, context| rule.finish(context));
             self.ledger.close_all(bus);
         }
+        for (rule, bus) in self.setup.expectations_elsewhere(buses) {
+            if self.ledger.rules.get(usize::from(rule)).is_some_and(|info| info.is_on) {
+                self.ledger.unexercised(rule, format!("there is no bus '{bus}'"));
+            }
+        }
         let made_up = self.quality.made_up_interval();
         let is_timed = made_up.is_none() && self.quality.first.is_some();
         for bus in buses {

@@ -11,6 +11,7 @@ use crate::finding::{Group, RuleInfo, Severity, SuppressionUse};
 use crate::profile::device::DeviceRule;
 use crate::profile::{Catalogue, TextError};
 use crate::query::fields::distance;
+use crate::session::Bus;
 use crate::wire::NodeId;
 
 /// Rules, tolerances, suppressions.
@@ -162,6 +163,12 @@ impl Setup {
     pub(super) fn expectations_on(&self, bus: &str) -> impl Iterator<Item = (u16, &Expectation)> {
         let all = self.expectations.iter().filter(move |(_, one)| one.is_about(bus));
         all.map(|(place, one)| (*place, one))
+    }
+
+    /// Expectations about none of these buses, with the places of their rules and the bus they are about.
+    pub(super) fn expectations_elsewhere(&self, buses: &[Bus]) -> impl Iterator<Item = (u16, &str)> {
+        let all = self.expectations.iter().filter_map(|(place, one)| Some((*place, one.bus()?)));
+        all.filter(|(_, own)| buses.iter().all(|bus| bus.name() != *own))
     }
 
     /// A tolerance of a rule: what the bus file says, else its default.

@@ -132,7 +132,10 @@ fn a_node_is_taken_with_its_services_and_what_goes_to_all() {
     let both = folder.converted(&["--only-node", "5", "--only-node", "6", "@a.log", "@c.csv"]);
     assert_eq!(both.frames.len(), mixed.iter().filter(|frame| !frame.starts_with("7F0")).count());
     let none = folder.convert(&["--only-node", "can9:5", "@a.log", "@d.csv"]);
-    assert_eq!(none.stderr, "cobscope: @d.csv: no frame was chosen\n");
+    let said = "cobscope: @a.log: has no bus can9, which --only-node names; it has can0\n\
+                cobscope: @d.csv: no frame was chosen\n";
+    assert_eq!(none.stderr, said);
+    assert!(!folder.path("d.csv").exists(), "a file without frames would be taken for a capture");
     let profile = folder.convert(&["--only-node", "5=danfoss-pve-ci", "@a.log", "@e.csv"]);
     assert_eq!(profile.code, 2);
     assert!(profile.stderr.contains("--node tells what it is"), "{}", profile.stderr);

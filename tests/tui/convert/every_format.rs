@@ -77,6 +77,7 @@ fn kept(holds: &Holds, content: &Content) -> (Vec<Frame>, Vec<String>) {
 
 /// What is said of a conversion, line by line.
 fn said(path: &Path, format: &WritableFormat, content: &Content) -> Vec<String> {
+    let name = path.strip_prefix(workspace()).unwrap().display();
     let mut losses = Losses::new(format.holds);
     let mut writer = (format.writer)(Box::new(std::io::sink()), &WriteOptions::default());
     let (mut lines, mut unreadable) = (Vec::new(), 0);
@@ -85,18 +86,17 @@ fn said(path: &Path, format: &WritableFormat, content: &Content) -> Vec<String> 
             Notice::Unreadable { .. } => {
                 unreadable += 1;
                 if unreadable <= 10 {
-                    lines.push(notice.to_string());
+                    lines.push(format!("{name}: {notice}"));
                 }
             }
-            Notice::Assumption(text) => lines.push(text.clone()),
+            Notice::Assumption(text) => lines.push(format!("{name}: {text}")),
             other if !writer.notice(other, "").unwrap() => losses.miss_notice(),
             _ => {}
         }
     }
-    let name = path.strip_prefix(workspace()).unwrap().display();
     lines.extend(content.error.iter().map(|error| format!("{name}: {error}")));
     if unreadable > 10 {
-        lines.push(format!("{unreadable} lines or records could not be read"));
+        lines.push(format!("{name}: {unreadable} lines or records could not be read"));
     }
     if content.frames.is_empty() {
         lines.push(format!("{name}: holds no frame"));

@@ -46,6 +46,31 @@ fn parts_by_size_are_whole_captures_and_together_the_whole() {
 }
 
 #[test]
+fn a_size_without_room_for_a_frame_is_refused() {
+    let source = fixture("canopen/mid_run.log");
+    let source = source.to_str().unwrap();
+    for format in WRITABLE {
+        let folder = Folder::new();
+        let out = format!("@part.{}", format.suffix);
+        let of = |size: u64| {
+            folder.convert(&["--packing", "none", "--split-size", &size.to_string(), source, &out])
+        };
+        let refused = of(5);
+        let least = refused.stderr.strip_prefix("cobscope: --split-size: found 5 bytes, expected ");
+        let least = least
+            .and_then(|rest| rest.split_once(" or more: "))
+            .unwrap_or_else(|| panic!("{}", refused.stderr));
+        assert_eq!((refused.code, folder.names().len()), (2, 0));
+        let least: u64 = least.0.parse().unwrap();
+        assert_eq!(of(least - 1).code, 2, "{}", format.name);
+        assert_eq!(of(least).code, 0, "{}", format.name);
+        for part in folder.names() {
+            assert!(fs::metadata(folder.path(&part)).unwrap().len() <= least, "{part}");
+        }
+    }
+}
+
+#[test]
 fn parts_by_event_begin_with_it() {
     let source = fixture("canopen/nmt_heartbeat.log");
     let source = source.to_str().unwrap();
@@ -178,13 +203,13 @@ fn what_cannot_be_asked_for_is_said() {
 fn what_can_be_read_before_damage_is_converted() {
     let folder = Folder::new();
     let cut = folder.convert(&["fixtures/malformed/packet_cut_off.pcap", "@cut.log"]);
-    let said = "cobscope: byte 49: the capture ends inside a packet: found 23 of 25 bytes\n";
+    let said = "cobscope: fixtures/malformed/packet_cut_off.pcap: byte 49: the capture ends inside a packet: found 23 of 25 bytes\n";
     assert_eq!((cut.code, cut.stderr.as_str()), (0, said));
     assert_eq!(Content::read(&folder.path("cut.log")).frames.len(), 1);
     if cfg!(feature = "gzip") {
         let name = "fixtures/malformed/cut_off.log.gz";
         let broken = folder.convert(&[name, "@broken.log"]);
-        let said = format!("cobscope: {name}: reading failed: incomplete deflate stream\n");
+        let said = format!("cobscope: {name}: the file is cut off: incomplete gzip member at byte 1571\n");
         assert_eq!((broken.code, broken.stderr.as_str()), (3, said.as_str()));
         assert_eq!(Content::read(&folder.path("broken.log")).frames.len(), 338);
         // The other capture is not touched by it, and nobody takes it for the broken one.
@@ -200,8 +225,16 @@ fn what_can_be_read_before_damage_is_converted() {
     let lines = folder.convert(&["fixtures/malformed/candump_errors.log", "@lines.log"]);
     assert_eq!(lines.code, 0);
     assert_eq!(lines.stderr.lines().count(), 11, "{}", lines.stderr);
-    assert!(lines.stderr.starts_with("cobscope: line "), "{}", lines.stderr);
-    assert!(lines.stderr.ends_with("cobscope: 38 lines or records could not be read\n"), "{}", lines.stderr);
+    assert!(
+        lines.stderr.starts_with("cobscope: fixtures/malformed/candump_errors.log: line "),
+        "{}",
+        lines.stderr
+    );
+    assert!(
+        lines.stderr.ends_with("candump_errors.log: 38 lines or records could not be read\n"),
+        "{}",
+        lines.stderr
+    );
     assert_eq!(Content::read(&folder.path("lines.log")).frames.len(), 38);
     let empty = folder.convert(&["fixtures/malformed/header_only.pcap", "@empty.log"]);
     let said = "cobscope: fixtures/malformed/header_only.pcap: holds no frame\n";

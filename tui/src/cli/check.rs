@@ -24,7 +24,8 @@ pub struct CheckArgs {
     /// Findings that are known and accepted: only others, and worse ones, fail (JSON, see --update-baseline)
     #[arg(long, value_name = "FILE")]
     pub baseline: Option<PathBuf>,
-    /// Write what is found now to the file of --baseline, instead of comparing with it
+    /// Write what is found now to the file of --baseline, instead of comparing with it; what it has of captures that
+    /// are not judged this time stays
     #[arg(long, requires = "baseline")]
     pub update_baseline: bool,
     /// Fail if one of these rules had nothing to judge in any capture

@@ -43,6 +43,53 @@ pub struct InputArgs {
     pub sdo_timeout: f64,
 }
 
+/// How one node only is seen by a command whose `--node` does not choose.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Otherwise {
+    /// It has `--filter`.
+    Filter,
+    /// It has `--only-node`.
+    OnlyNode,
+    /// Another command shows it.
+    Decode,
+}
+
+impl InputArgs {
+    /// # Errors
+    /// A node without a profile.
+    pub(super) fn check_no_choice(&self, otherwise: Otherwise) -> Result<(), String> {
+        let Some(node) = self.node.iter().find(|node| node.profile.is_none()) else { return Ok(()) };
+        let shown = node.shown();
+        let filter = node.filter();
+        let only = match otherwise {
+            Otherwise::Filter => format!("--filter '{filter}'"),
+            Otherwise::OnlyNode => format!("--only-node {shown}"),
+            Otherwise::Decode => format!("decode --filter '{filter}'"),
+        };
+        Err(format!(
+            "--node {shown}: --node {shown}=PROFILE assigns a device; to see one node only use {only}"
+        ))
+    }
+
+    /// # Errors
+    /// Two profiles for one node.
+    pub(super) fn check_devices(&self) -> Result<(), String> {
+        let given = || self.node.iter().filter_map(|node| Some((node, node.profile.as_deref()?)));
+        for (place, (node, profile)) in given().enumerate() {
+            let is_other = |(other, device): &(&NodeArg, &str)| {
+                (&other.bus, other.id) == (&node.bus, node.id) && *device != profile
+            };
+            if let Some((_, other)) = given().take(place).find(is_other) {
+                let shown = node.shown();
+                return Err(format!(
+                    "--node {shown}={profile}: --node {shown}={other} says that it is another device"
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
 /// Help of `--filter`: what it does with events, and which options say what it chooses from.
 macro_rules! filter_help {
     ($does:literal, $options:literal) => {
@@ -89,6 +136,19 @@ pub struct NodeArg {
     pub id: NodeId,
     /// Profile and variant; without one the node is only chosen.
     pub profile: Option<String>,
+}
+
+impl NodeArg {
+    /// `can0:5`, as it is given.
+    fn shown(&self) -> String {
+        self.bus.as_ref().map_or_else(|| self.id.to_string(), |bus| format!("{bus}:{}", self.id))
+    }
+
+    /// What matches its events.
+    fn filter(&self) -> String {
+        let node = format!("node == {}", self.id.number());
+        self.bus.as_ref().map_or_else(|| node.clone(), |bus| format!("bus == \"{bus}\" && {node}"))
+    }
 }
 
 impl std::str::FromStr for NodeArg {

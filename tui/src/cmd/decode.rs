@@ -1,9 +1,9 @@
 //! `cobscope decode`: captures to events.
 
-use std::io::ErrorKind;
 use std::sync::Arc;
 
-use super::input::{captures, session_options, setup};
+use super::input::{captures, check_rules_of, session_options, setup};
+use super::output::{files_read, told};
 use super::print::{Judging, Printer, engine};
 use super::{complain, decode_capture};
 use crate::cli::DecodeArgs;
@@ -11,7 +11,7 @@ use crate::exit_code::Exit;
 
 /// Runs the command.
 pub fn run(arguments: &DecodeArgs) -> Exit {
-    let mut printer = match Printer::new(&arguments.print, &arguments.select) {
+    let mut printer = match Printer::new(&arguments.print, &arguments.select, &files_read(&arguments.input)) {
         Ok(printer) => printer,
         Err(error) => {
             complain(&error);
@@ -27,6 +27,10 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
             return Exit::Profile;
         }
     };
+    if let Err(error) = check_rules_of(arguments.select.filter.as_ref(), &setup) {
+        complain(&error);
+        return Exit::Usage;
+    }
     printer.describe(&arguments.input);
     let captures = captures(&arguments.input);
     let several = captures.len() > 1;
@@ -39,6 +43,9 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
         let failure = match decode_capture(path, &arguments.input, &options, &mut judging) {
             Ok(decoded) => {
                 judging.finish(decoded.decoder.buses());
+                if !printer.has_events() {
+                    decoded.tell_unreadable(path);
+                }
                 let (frame, last) = (decoded.decoder.frames(), decoded.decoder.last_time());
                 if let Some(missed) = printer.missed(frame, last) {
                     complain(&anyhow::anyhow!("{}: {missed}", path.display()));
@@ -57,11 +64,5 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
             break;
         }
     }
-    match printer.finish() {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            complain(&anyhow::Error::from(error).context("writing failed"));
-            exit.max(Exit::Capture)
-        }
-        _ => exit,
-    }
+    exit.max(told(printer.finish()))
 }

@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context as _, anyhow};
-use cobscope_decoder::bus_file::BusFile;
+use cobscope_decoder::bus_file::{BusFile, Written};
 use cobscope_decoder::capture::{ReadOptions, TimeStyle};
 use cobscope_decoder::profile::{Catalogue, ProfileError, TextError, is_bus_file};
+use cobscope_decoder::query::Filter;
 use cobscope_decoder::rules::Setup;
 use cobscope_decoder::session::{AssignedBy, Assignment, ProtocolChoice, SessionOptions};
 use cobscope_decoder::sink::escape;
@@ -101,6 +102,18 @@ pub(super) fn setup(
     Ok(setup)
 }
 
+/// Holds the rules that a filter names to those there are.
+///
+/// # Errors
+/// A rule that does not exist, so that nothing could match.
+pub(super) fn check_rules_of(filter: Option<&Filter>, setup: &Setup) -> anyhow::Result<()> {
+    let rules = filter.map(|filter| filter.required("rule")).unwrap_or_default();
+    for rule in rules {
+        setup.check_name(rule).map_err(anyhow::Error::msg).context("--filter")?;
+    }
+    Ok(())
+}
+
 /// Devices of nodes: of the bus file, then of the options, which go before it.
 fn assignments(
     input: &InputArgs,
@@ -109,7 +122,7 @@ fn assignments(
 ) -> anyhow::Result<Vec<Assignment>> {
     let mut all = Vec::new();
     for (bus, node, profile) in file.devices() {
-        let device = catalogue.device(profile).with_context(|| format!("bus file, node {node}"))?;
+        let device = catalogue.device(&profile.text).map_err(|error| misnamed(input, profile, error))?;
         all.push(Assignment { bus: bus.map(Into::into), node, device, by: AssignedBy::BusFile });
     }
     for NodeArg { bus, id, profile } in &input.node {
@@ -122,6 +135,17 @@ fn assignments(
         all.push(Assignment { bus: bus.clone(), node: *id, device, by: AssignedBy::Option });
     }
     Ok(all)
+}
+
+/// What is wrong with a profile that the bus file names: where it names it, unless the profile itself is broken.
+fn misnamed(input: &InputArgs, profile: &Written, error: ProfileError) -> anyhow::Error {
+    let text = input.bus.as_deref().map(bus_file_text);
+    match (&error, text) {
+        (ProfileError::Unknown { .. } | ProfileError::NoVariant { .. }, Some(Ok((name, text)))) => {
+            anyhow!(TextError::at(&text, profile.span.clone(), error.to_string()).show(&name))
+        }
+        _ => error.into(),
+    }
 }
 
 /// All profiles: those of this program, of the user's folder, of the folders named.

@@ -10,6 +10,7 @@ mod explain;
 mod input;
 mod live;
 mod objects;
+mod output;
 mod print;
 mod profile_markdown;
 mod profile_page;
@@ -21,8 +22,7 @@ mod view;
 mod want;
 mod why;
 
-use std::fs::File;
-use std::io::{BufWriter, IsTerminal as _, Write};
+use std::io::{IsTerminal as _, Write as _};
 use std::path::Path;
 use std::sync::mpsc::Receiver;
 
@@ -38,13 +38,17 @@ use crate::cli::{Cli, Color, Command, InputArgs};
 use crate::exit_code::Exit;
 use crate::source;
 use crate::timeline::News;
-use input::{captures, read_options, session_options};
+use input::{captures, read_options, session_options, warn};
 pub(crate) use rules::rule_sections;
 
 /// Runs what the command line says.
 pub fn run(cli: Cli) -> Exit {
     if cli.command.captures().is_some_and(<[_]>::is_empty) && std::io::stdin().is_terminal() {
         complain(&anyhow::anyhow!("no capture: name a file, or - to read what is typed here"));
+        return Exit::Usage;
+    }
+    if let Err(error) = cli.command.check_nodes() {
+        complain(&anyhow::Error::msg(error));
         return Exit::Usage;
     }
     match cli.command {
@@ -135,6 +139,37 @@ struct Decoded {
     failure: Option<anyhow::Error>,
     /// What else is to be said of it.
     warnings: Vec<String>,
+    /// What of it could not be read.
+    unreadable: Unreadable,
+}
+
+impl Decoded {
+    /// Says what could not be read, where the output has no place for it.
+    fn tell_unreadable(&self, path: &Path) {
+        let Unreadable { count, first: Some(first) } = &self.unreadable else { return };
+        let text = match count {
+            1 => format!("{}: a line or record could not be read: {first}", path.display()),
+            count => format!("{}: {count} lines or records could not be read, first {first}", path.display()),
+        };
+        warn(&text);
+    }
+}
+
+/// Lines and records that could not be read.
+#[derive(Default)]
+struct Unreadable {
+    count: u64,
+    /// Place and reason of the first.
+    first: Option<String>,
+}
+
+impl Unreadable {
+    fn see(&mut self, notices: &[(usize, Notice)]) {
+        for (_, notice) in notices.iter().filter(|(_, notice)| matches!(notice, Notice::Unreadable { .. })) {
+            self.count += 1;
+            self.first.get_or_insert_with(|| notice.to_string());
+        }
+    }
 }
 
 /// Decodes one capture into `watcher`, and says what there is to be said of it.
@@ -174,6 +209,7 @@ fn decode_quietly(
     let mut batch = Batch::new();
     let mut has_frames = false;
     let mut failure = None;
+    let mut unreadable = Unreadable::default();
     while !watcher.is_done() {
         match frames.read(&mut batch) {
             Ok(true) => {}
@@ -187,6 +223,7 @@ fn decode_quietly(
             watcher.begin(first).with_context(name)?;
             has_frames = true;
         }
+        unreadable.see(batch.notices());
         if !push_batch(&mut decoder, &batch, frames.buses(), watcher) {
             break;
         }
@@ -195,43 +232,30 @@ fn decode_quietly(
     progress.finish();
     decoder.finish(frames.buses(), watcher);
     // Of a capture that was not read to its end not all buses are known.
-    let warnings = if watcher.is_done() { Vec::new() } else { unknown_buses(path, options, frames.buses()) };
+    let warnings =
+        if watcher.is_done() { Vec::new() } else { unknown_buses(path, input, options, frames.buses()) };
     match failure {
         Some(failure) if !has_frames => Err(failure),
         None if !has_frames => anyhow::bail!("{}: holds no frame", path.display()),
-        failure => Ok(Decoded { decoder, format: frames.format().title, failure, warnings }),
+        failure => Ok(Decoded { decoder, format: frames.format().title, failure, warnings, unreadable }),
     }
 }
 
-/// A bus file that names a bus the capture does not have is most likely meant for another name.
-fn unknown_buses(path: &Path, options: &SessionOptions, names: &BusNames) -> Vec<String> {
-    let unknown = options.bus_file.buses.iter().filter(|(name, _)| !names.names().contains(name));
-    let said = unknown.map(|(name, _)| {
-        let has = escape(&names.names().join(", ")).into_owned();
-        let (path, name) = (path.display(), escape(name));
-        format!("{path}: has no bus {name}, which the bus file names; it has {has}")
-    });
-    said.collect()
+/// Who names a bus the capture does not have most likely means another name.
+fn unknown_buses(path: &Path, input: &InputArgs, options: &SessionOptions, names: &BusNames) -> Vec<String> {
+    let of_file = options.bus_file.buses.iter().map(|(name, _)| (name, "the bus file"));
+    let of_nodes = input.node.iter().filter_map(|node| Some((node.bus.as_ref()?, "--node")));
+    let of_files = input.eds.iter().filter_map(|file| Some((file.node.bus.as_ref()?, "--eds")));
+    let all = of_file.chain(of_nodes).chain(of_files);
+    let has: Vec<&str> = names.names().iter().map(String::as_str).collect();
+    all.filter_map(|(name, by)| unknown_bus(path, name, by, &has)).collect()
 }
 
-/// Bytes gathered before they are written.
-const OUTPUT_BUFFER: usize = 64 * 1024;
-
-/// Where output goes: a file, else standard output.
-///
-/// # Errors
-/// When the file cannot be written.
-fn output(path: Option<&Path>) -> anyhow::Result<Box<dyn Write + Send>> {
-    Ok(match path {
-        Some(path) => {
-            let file =
-                File::create(path).with_context(|| format!("{}: cannot be written", path.display()))?;
-            Box::new(BufWriter::with_capacity(OUTPUT_BUFFER, file))
-        }
-        // A pipe or a file takes large pieces; on a terminal each line shows at once.
-        None if std::io::stdout().is_terminal() => Box::new(std::io::stdout()),
-        None => Box::new(BufWriter::with_capacity(OUTPUT_BUFFER, std::io::stdout())),
-    })
+/// What is said of a bus that `by` names and the capture does not have.
+fn unknown_bus(path: &Path, name: &str, by: &str, names: &[&str]) -> Option<String> {
+    let has = escape(&names.join(", ")).into_owned();
+    let (path, shown) = (path.display(), escape(name));
+    (!names.contains(&name)).then(|| format!("{path}: has no bus {shown}, which {by} names; it has {has}"))
 }
 
 /// Whether output is coloured.
@@ -288,14 +312,12 @@ fn report(
         }
     };
     let mut exit = Exit::Clean;
-    let mut output = String::new();
+    let mut text = String::new();
     for path in captures(input) {
-        if let Some(error) = one(&path, &options, &mut output).unwrap_or_else(Some) {
+        if let Some(error) = one(&path, &options, &mut text).unwrap_or_else(Some) {
             complain(&error);
             exit = exit.max(Exit::Capture);
         }
     }
-    // A closed pipe is no failure.
-    let _ = std::io::stdout().write_all(output.as_bytes());
-    exit
+    exit.max(output::print(text.as_bytes()))
 }

@@ -9,13 +9,14 @@ use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::profile::Value;
 use cobscope_decoder::session::{Bus, Entry, Node, Observer};
 use cobscope_decoder::sink::escape;
+use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::wire::canopen::ObjectAddress;
 use cobscope_decoder::words::plural;
 use serde_json::json;
 
 use super::want::Want;
 use super::{Watcher, complain, decode_capture, report};
-use crate::cli::{InputArgs, ObjectsArgs, ReportFormat};
+use crate::cli::{ObjectsArgs, ReportFormat};
 use crate::exit_code::Exit;
 use crate::select::Bound;
 
@@ -39,18 +40,22 @@ pub fn run(arguments: &ObjectsArgs) -> Exit {
     report(&arguments.input, |path, options, output| {
         let mut until = Until { at: arguments.at, first: None };
         let decoded = decode_capture(path, &arguments.input, options, &mut until)?;
+        decoded.tell_unreadable(path);
         let name = path.display().to_string();
         if several && arguments.format == ReportFormat::Text {
             let _ = writeln!(output, "== {}", escape(&name));
         }
         if let Some(want) = &want {
             want.compare(decoded.decoder.buses(), until.first, &name, output);
-            return Ok(decoded.failure);
+        } else {
+            for bus in decoded.decoder.buses() {
+                tell(bus, arguments, until.first, &name, output);
+            }
         }
-        for bus in decoded.decoder.buses() {
-            tell(bus, arguments, until.first, &name, output);
-        }
-        if let Some(absent) = absent(decoded.decoder.buses(), &arguments.input) {
+        let chosen = arguments.input.node.iter().find(|node| node.profile.is_none());
+        let chosen = chosen.map(|node| (node.bus.as_deref(), node.id));
+        let chosen = want.as_ref().map(Want::chosen).or(chosen);
+        if let Some(absent) = chosen.and_then(|chosen| absent(decoded.decoder.buses(), chosen)) {
             complain(&anyhow::anyhow!("{name}: {absent}"));
         }
         Ok(decoded.failure)
@@ -84,17 +89,17 @@ impl Watcher for Until {
     }
 }
 
-/// What is said where the node that is asked for is not there.
-fn absent(buses: &[Bus], input: &InputArgs) -> Option<String> {
-    let wanted = input.node.iter().find(|node| node.profile.is_none())?;
-    let is_meant = |bus: &&Bus| wanted.bus.as_deref().is_none_or(|name| name == bus.name());
-    if buses.iter().filter(is_meant).any(|bus| bus.node(wanted.id).is_some()) {
+/// What is said where the node that is asked for is not there. That there is no such bus was said before.
+fn absent(buses: &[Bus], (bus, node): (Option<&str>, NodeId)) -> Option<String> {
+    let is_meant = |own: &&Bus| bus.is_none_or(|name| name == own.name());
+    let is_there = buses.iter().filter(is_meant).any(|bus| bus.node(node).is_some());
+    if is_there || !buses.iter().any(|bus| is_meant(&bus)) {
         return None;
     }
     let heard: Vec<_> =
         buses.iter().filter(is_meant).flat_map(Bus::nodes).map(|node| node.id().to_string()).collect();
     let heard = if heard.is_empty() { "none".to_owned() } else { heard.join(", ") };
-    Some(format!("{} is not heard; nodes heard: {heard}", wanted.id.words()))
+    Some(format!("{} is not heard; nodes heard: {heard}", node.words()))
 }
 
 /// Tells what is asked for of one bus.

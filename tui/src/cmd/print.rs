@@ -3,7 +3,8 @@
 use std::fs::File;
 use std::io::{IsTerminal as _, Write};
 #[cfg(feature = "parquet")]
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use std::path::PathBuf;
 use std::sync::Arc;
 #[cfg(feature = "mcap")]
 use std::time::{Duration, Instant};
@@ -25,7 +26,8 @@ use cobscope_decoder::sink::mcap::Mcap;
 use cobscope_decoder::sink::parquet::Parquet;
 use cobscope_decoder::sink::text::{self, PdoLines, Text, TextOptions};
 
-use super::{Watcher, is_colored, output};
+use super::output::output;
+use super::{Watcher, is_colored};
 use crate::cli::{Format, InputArgs, Pdo, PrintArgs, SelectArgs, TimeColumn};
 use crate::select::Selection;
 
@@ -97,8 +99,47 @@ pub(super) struct Printer {
     pdo: Pdo,
     frames: bool,
     on_terminal: bool,
+    shown: Shown,
     #[cfg(feature = "mcap")]
     flushed: Instant,
+}
+
+/// What became of the events that were selected.
+#[derive(Default)]
+struct Shown {
+    is_any: bool,
+    /// Only shown with `--all`, `--frames`, `--pdo all`.
+    all: u64,
+    frames: u64,
+    pdos: u64,
+}
+
+impl Shown {
+    fn see(&mut self, event: &Event, is_shown: bool) {
+        self.is_any |= is_shown;
+        let hidden = match &event.kind {
+            _ if is_shown => return,
+            EventKind::Pdo(_) | EventKind::J1939Message(_) => &mut self.pdos,
+            EventKind::Frame(undecoded) if undecoded.message.is_some() => &mut self.pdos,
+            EventKind::Frame(_) => &mut self.frames,
+            _ => &mut self.all,
+        };
+        *hidden += 1;
+    }
+
+    /// Why nothing was shown of what a filter chooses.
+    fn hidden(&self) -> String {
+        let hidden = [("--all", self.all), ("--frames", self.frames), ("--pdo all", self.pdos)];
+        let hidden: Vec<_> = hidden
+            .iter()
+            .filter(|(_, count)| *count > 0)
+            .map(|(option, count)| format!("{option} ({count})"))
+            .collect();
+        if hidden.is_empty() {
+            return "no event matches the filter".to_owned();
+        }
+        format!("no event that is shown matches the filter; others do with {}", hidden.join(", "))
+    }
 }
 
 /// Where bytes go.
@@ -121,7 +162,8 @@ enum Sink {
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
 
 impl Printer {
-    pub(super) fn new(arguments: &PrintArgs, select: &SelectArgs) -> anyhow::Result<Self> {
+    /// Opens what is written, which must not be one of the files `read`.
+    pub(super) fn new(arguments: &PrintArgs, select: &SelectArgs, read: &[PathBuf]) -> anyhow::Result<Self> {
         let default_pdo = if arguments.format == Format::Text { Pdo::Change } else { Pdo::All };
         let pdo = arguments.pdo.unwrap_or(default_pdo);
         let to = arguments.output.as_deref();
@@ -131,19 +173,19 @@ impl Printer {
         );
         let sink = match arguments.format {
             Format::None => Sink::None,
-            Format::Text => Sink::Text(Text::new(output(to)?, text_options(arguments, pdo))),
-            Format::Jsonl => Sink::Jsonl(Jsonl::new(output(to)?)),
-            Format::Csv => Sink::Csv(Csv::new(output(to)?)),
+            Format::Text => Sink::Text(Text::new(output(to, read)?, text_options(arguments, pdo))),
+            Format::Jsonl => Sink::Jsonl(Jsonl::new(output(to, read)?)),
+            Format::Csv => Sink::Csv(Csv::new(output(to, read)?)),
             Format::CsvWide => {
                 let spool = tempfile::tempfile().context("no temporary file can be made")?;
-                Sink::CsvWide(Box::new(CsvWide::new(output(to)?, spool)))
+                Sink::CsvWide(Box::new(CsvWide::new(output(to, read)?, spool)))
             }
             #[cfg(feature = "mcap")]
-            Format::Mcap => Sink::Mcap(Box::new(Mcap::new(output(to)?, arguments.packing.into()))),
+            Format::Mcap => Sink::Mcap(Box::new(Mcap::new(output(to, read)?, arguments.packing.into()))),
             #[cfg(feature = "parquet")]
-            Format::Parquet => Sink::Parquet(Box::new(parquet(to)?)),
+            Format::Parquet => Sink::Parquet(Box::new(parquet(to, read)?)),
         };
-        let selection = Selection::new(select);
+        let selection = Selection::new(select)?;
         let prints = arguments.output.is_none() && arguments.format != Format::None;
         let on_terminal = prints && std::io::stdout().is_terminal();
         Ok(Self {
@@ -152,6 +194,7 @@ impl Printer {
             pdo,
             frames: arguments.frames,
             on_terminal,
+            shown: Shown::default(),
             #[cfg(feature = "mcap")]
             flushed: Instant::now(),
         })
@@ -180,6 +223,7 @@ impl Printer {
 
     pub(super) fn begin_capture(&mut self, name: &str) {
         self.selection.set_capture(name);
+        self.shown = Shown::default();
         match &mut self.sink {
             Sink::Text(text) => text.heading(&format!("== {name}")),
             Sink::Jsonl(jsonl) => jsonl.set_capture(Some(name.to_owned())),
@@ -191,9 +235,20 @@ impl Printer {
         }
     }
 
-    /// What is said of a capture of which nothing was late enough, whose last frame has this number and stamp.
+    /// Whether events of all kinds are written, so that what could not be read stands among them.
+    pub(super) fn has_events(&self) -> bool {
+        !matches!(self.sink, Sink::Csv(_) | Sink::CsvWide(_) | Sink::None)
+    }
+
+    /// What is said of a capture of which nothing was printed, whose last frame has this number and stamp.
     pub(super) fn missed(&self, frame: u64, last: Option<Timestamp>) -> Option<String> {
-        if matches!(self.sink, Sink::None) { None } else { self.selection.missed(frame, last) }
+        if matches!(self.sink, Sink::None) {
+            return None;
+        }
+        self.selection.missed(frame, last).or_else(|| {
+            let is_empty = self.selection.has_filter() && !self.shown.is_any;
+            is_empty.then(|| self.shown.hidden())
+        })
     }
 
     /// Gives what is held back to whoever reads it.
@@ -287,9 +342,12 @@ impl Observer for Printer {
             return;
         }
         if let Sink::Text(text) = &mut self.sink {
-            return text.write(event, bus);
+            let is_shown = text.write(event, bus);
+            return self.shown.see(event, is_shown);
         }
-        if !self.is_wanted(event) {
+        let is_wanted = self.is_wanted(event);
+        self.shown.see(event, is_wanted);
+        if !is_wanted {
             return;
         }
         match &mut self.sink {
@@ -317,10 +375,10 @@ fn tell_left_out(values: u64) {
 
 /// Two files whose names begin alike.
 #[cfg(feature = "parquet")]
-fn parquet(to: Option<&Path>) -> anyhow::Result<Parquet<Output>> {
+fn parquet(to: Option<&Path>, read: &[PathBuf]) -> anyhow::Result<Parquet<Output>> {
     let to = to.context("this format is two files; name them with -o NAME")?;
     let (events, signals) = (beside(to, "events")?, beside(to, "signals")?);
-    let parquet = Parquet::new(output(Some(&events))?, output(Some(&signals))?)
+    let parquet = Parquet::new(output(Some(&events), read)?, output(Some(&signals), read)?)
         .with_context(|| format!("{}: cannot be written", to.display()))?;
     let _ = writeln!(std::io::stderr(), "cobscope: writing {} and {}", events.display(), signals.display());
     Ok(parquet)

@@ -12,6 +12,7 @@ use cobscope_decoder::sink::escape;
 use cobscope_decoder::words::plural;
 
 use super::device_files;
+use super::output::print;
 use super::profile_markdown::markdown;
 use super::profile_page::page;
 use crate::cli::{PageFormat, ProfilesCommand};
@@ -29,11 +30,6 @@ pub fn run(command: &ProfilesCommand, catalogue: &Catalogue) -> Exit {
         ProfilesCommand::Check { files } => check_files(files),
         ProfilesCommand::Import { file } => import(file),
     }
-}
-
-fn print(text: &str) {
-    // A closed pipe is no failure.
-    let _ = std::io::stdout().write_all(text.as_bytes());
 }
 
 fn complain(text: &str) {
@@ -69,23 +65,21 @@ fn list(catalogue: &Catalogue) -> Exit {
             }
         }
     }
-    print(&text);
-    exit
+    exit.max(print(text.as_bytes()))
 }
 
 fn show(catalogue: &Catalogue, profile: &str, shown: impl Fn(&Device) -> String) -> Exit {
     match catalogue.device(profile) {
-        Ok(device) => print(&shown(&device)),
+        Ok(device) => print(shown(&device).as_bytes()),
         Err(error @ ProfileError::Broken { .. }) => {
             complain(&error.to_string());
-            return Exit::Profile;
+            Exit::Profile
         }
         Err(error) => {
             complain(&format!("{error} (cobscope profiles list)"));
-            return Exit::Usage;
+            Exit::Usage
         }
     }
-    Exit::Clean
 }
 
 /// How much of a device is described.
@@ -125,11 +119,7 @@ fn check_files(files: &[std::path::PathBuf]) -> Exit {
             continue;
         }
         match std::fs::read_to_string(path) {
-            Ok(text) => {
-                if !check_one(path, &name, &text) {
-                    exit = Exit::Profile;
-                }
-            }
+            Ok(text) => exit = exit.max(check_one(path, &name, &text)),
             Err(error) => {
                 complain(&format!("{}: {error}", escape(&name)));
                 exit = Exit::Profile;
@@ -155,21 +145,14 @@ fn check_device_file(path: &Path) -> Exit {
     if !lines.is_empty() {
         return Exit::Profile;
     }
-    print(&format!(
-        "{}: ok, {}\n",
-        escape(&path.display().to_string()),
-        plural(file.objects.len(), "object")
-    ));
-    Exit::Clean
+    let shown = path.display().to_string();
+    print(format!("{}: ok, {}\n", escape(&shown), plural(file.objects.len(), "object")).as_bytes())
 }
 
 /// Writes the profile of a device file.
 fn import(path: &Path) -> Exit {
     match device_files::read(path) {
-        Ok(file) => {
-            print(&imported::toml(&file, &device_files::name(path)));
-            Exit::Clean
-        }
+        Ok(file) => print(imported::toml(&file, &device_files::name(path)).as_bytes()),
         Err(error) => {
             complain(&escape(&format!("{error:#}")));
             Exit::Profile
@@ -178,21 +161,21 @@ fn import(path: &Path) -> Exit {
 }
 
 /// Checks all variants of a profile and runs its samples; standards are taken from this program and from the file's folder.
-fn check_one(path: &Path, name: &str, text: &str) -> bool {
+fn check_one(path: &Path, name: &str, text: &str) -> Exit {
     let mut catalogue = Catalogue::default();
     let folder = path.parent().unwrap_or(Path::new("."));
     super::input::add_siblings(&mut catalogue, folder, path);
     if let Err(error) = catalogue.add_text(name, text) {
         complain(&error.to_string());
-        return false;
+        return Exit::Profile;
     }
-    let Ok(file) = ProfileFile::parse(text) else { return false };
+    let Ok(file) = ProfileFile::parse(text) else { return Exit::Profile };
     let ids = check_ids(text);
     if !ids.is_empty() {
         for error in &ids {
             complain(&error.show(name));
         }
-        return false;
+        return Exit::Profile;
     }
     let variants: Vec<Option<&str>> = match file.variants() {
         [] => vec![None],
@@ -215,9 +198,9 @@ fn check_one(path: &Path, name: &str, text: &str) -> bool {
     for error in &said {
         complain(error);
     }
-    if said.is_empty() {
-        let hint = if samples == 0 { ": nothing shows that values come out right" } else { "" };
-        print(&format!("{}: ok, {}{hint}\n", escape(name), plural(samples, "sample")));
+    if !said.is_empty() {
+        return Exit::Profile;
     }
-    said.is_empty()
+    let hint = if samples == 0 { ": nothing shows that values come out right" } else { "" };
+    print(format!("{}: ok, {}{hint}\n", escape(name), plural(samples, "sample")).as_bytes())
 }

@@ -1,10 +1,9 @@
 //! Completions and the manual page, made from the command line's definition.
 
-use std::io::Write as _;
-
 use clap::{Command, CommandFactory as _, ValueHint};
 
 use super::complain;
+use super::output::print;
 use crate::cli::Cli;
 use crate::exit_code::Exit;
 
@@ -12,7 +11,7 @@ use crate::exit_code::Exit;
 pub fn completions(shell: clap_complete::Shell) -> Exit {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut without_file_names(Cli::command()), "cobscope", &mut script);
-    write(&script)
+    print(&script)
 }
 
 /// Values that are no paths get no names of files offered.
@@ -47,13 +46,7 @@ pub fn man(of: Option<&str>) -> Exit {
     let title = of.map_or_else(|| "cobscope".to_owned(), |name| format!("cobscope-{name}"));
     let mut page = Vec::new();
     match clap_mangen::Man::new(command).title(title).render(&mut page) {
-        Ok(()) => write(&page),
+        Ok(()) => print(&page),
         Err(_) => Exit::Usage,
     }
-}
-
-/// A closed pipe is no failure.
-fn write(bytes: &[u8]) -> Exit {
-    let _ = std::io::stdout().write_all(bytes);
-    Exit::Clean
 }

@@ -7,7 +7,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use anyhow::{Context as _, ensure};
 
 use super::complain;
-use super::input::{captures, read_options, session_options, setup};
+use super::input::{captures, check_rules_of, read_options, session_options, setup};
 use crate::app::{App, Start, quoted};
 use crate::cli::{Color, ScreenArgs, ThemeName, ViewArgs};
 use crate::exit_code::Exit;
@@ -40,6 +40,7 @@ pub fn run(arguments: &ViewArgs) -> Exit {
 fn captures_of(arguments: &ViewArgs) -> anyhow::Result<Captures> {
     let session = session_options(&arguments.input)?;
     let rules = Arc::new(setup(&arguments.input, &session.catalogue, None)?);
+    check_rules_of(arguments.filter.as_ref(), &rules)?;
     let paths = captures(&arguments.input);
     Ok(Captures {
         paths,

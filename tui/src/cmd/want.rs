@@ -61,6 +61,11 @@ impl Want {
         })
     }
 
+    /// The node, and its bus where one is named.
+    pub(super) fn chosen(&self) -> (Option<&str>, NodeId) {
+        (self.bus.as_deref(), self.node)
+    }
+
     /// Compares the node on every bus it was seen on.
     pub(super) fn compare(
         &self,
@@ -70,17 +75,12 @@ impl Want {
         output: &mut String,
     ) {
         let wanted = |bus: &&Bus| self.bus.as_deref().is_none_or(|name| name == bus.name());
-        let mut found = false;
         for bus in buses.iter().filter(wanted) {
             let Some(node) = bus.node(self.node) else { continue };
-            found = true;
             match self.format {
                 ReportFormat::Text => self.text(bus, node, first, output),
                 ReportFormat::Json => self.json(bus, node, capture, output),
             }
-        }
-        if !found && self.format == ReportFormat::Text {
-            let _ = writeln!(output, "{} was not seen", self.node.words());
         }
     }
 

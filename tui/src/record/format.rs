@@ -20,6 +20,19 @@ pub fn suffixes() -> impl Iterator<Item = (&'static str, &'static str)> {
     WRITABLE.iter().map(|format| (format.suffix, format.title))
 }
 
+/// Whether a file's name, which may end in that of a compressed file, is like that of a capture.
+pub fn is_of_captures(path: &Path) -> bool {
+    const ONLY_READ: [&str; 5] = ["pcap", "blf", "mf4", "mdf", "crtd"];
+    const COMPRESSED: [&str; 2] = ["gz", "zst"];
+    let name = Path::new(if COMPRESSED.contains(&suffix(path)) {
+        path.file_stem().unwrap_or_default()
+    } else {
+        path.as_os_str()
+    });
+    let suffix = suffix(name);
+    ONLY_READ.contains(&suffix) || suffixes().any(|(known, _)| known == suffix)
+}
+
 /// What to say of a name that says no format, given those there are.
 pub fn unknown(known: impl Iterator<Item = (&'static str, &'static str)>) -> String {
     let known: Vec<_> = known.map(|(suffix, title)| format!(".{suffix} ({title})")).collect();

@@ -61,11 +61,7 @@ pub fn open(path: &Path, options: &ReadOptions) -> anyhow::Result<Capture> {
         (Box::new(std::io::stdin()), None)
     } else {
         let file = File::open(path).with_context(|| format!("{}: cannot be opened", path.display()))?;
-        ensure!(
-            !path.is_dir(),
-            "{}: a folder; name the captures in it, or judge all with check",
-            path.display()
-        );
+        ensure_no_folder(path)?;
         let size = file.metadata().ok().filter(std::fs::Metadata::is_file).map(|metadata| metadata.len());
         (Box::new(file), size)
     };
@@ -76,6 +72,12 @@ pub fn open(path: &Path, options: &ReadOptions) -> anyhow::Result<Capture> {
     let source = decompress(source).with_context(|| name.to_string())?;
     let reader = Reader::open(source, options).with_context(|| name.to_string())?;
     Ok(Capture { reader, progress: Progress::new(size, taken), size: size.unwrap_or(0), is_compressed })
+}
+
+/// Refuses a folder, which can be opened but not read.
+fn ensure_no_folder(path: &Path) -> anyhow::Result<()> {
+    ensure!(!path.is_dir(), "{}: a folder; name the captures in it, or judge all with check", path.display());
+    Ok(())
 }
 
 /// Counts the bytes that were read of the file itself.

@@ -7,7 +7,7 @@
 
 use std::collections::VecDeque;
 use std::fs::File;
-use std::io::{BufReader, Read, Write};
+use std::io::{self, BufReader, ErrorKind, Read, Write};
 use std::path::Path;
 use std::sync::{Arc, Condvar, Mutex, PoisonError, RwLock};
 use std::time::{Duration, Instant};
@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use cobscope_decoder::capture::{decompress, is_compressed};
 
-use super::HEAD;
+use super::{HEAD, ensure_no_folder};
 
 /// Bytes written to the temporary file at a time.
 const PIECE: usize = 256 * 1024;
@@ -53,8 +53,8 @@ struct State {
     start: u64,
     length: u64,
     is_complete: bool,
-    /// Why it ends where it does, if it should not.
-    failure: Option<String>,
+    /// Why it ends where it does, if it should not, and of what kind that is.
+    failure: Option<(ErrorKind, String)>,
     is_abandoned: bool,
 }
 
@@ -66,9 +66,10 @@ impl Store {
     pub fn open(path: &Path) -> anyhow::Result<Arc<Self>> {
         let name = path.display().to_string();
         if path.as_os_str() == "-" {
-            return Self::spooled(name, Box::new(std::io::stdin()));
+            return Self::spooled(name, Box::new(io::stdin()));
         }
         let file = File::open(path).with_context(|| format!("{name}: cannot be opened"))?;
+        ensure_no_folder(path)?;
         let metadata = file.metadata().with_context(|| format!("{name}: cannot be looked at"))?;
         let mut head = [0; 8];
         let is_in_place = metadata.is_file() && !is_compressed(&head_of(&file, &mut head));
@@ -106,8 +107,10 @@ impl Store {
         std::thread::Builder::new()
             .name("spool".into())
             .spawn(move || {
-                let failure = filled.fill(&file, source).err().map(|error| format!("{error:#}"));
-                filled.end(failure);
+                filled.finish(filled.fill(&file, source).err().map(|error| {
+                    let cause = error.downcast_ref::<io::Error>();
+                    (cause.map_or(ErrorKind::Other, io::Error::kind), format!("{error:#}"))
+                }));
             })
             .context("no thread can be started")?;
         Ok(store)
@@ -121,7 +124,7 @@ impl Store {
             let count = match source.read(&mut piece) {
                 Ok(0) => return Ok(()),
                 Ok(count) => count,
-                Err(error) if error.kind() == std::io::ErrorKind::Interrupted => continue,
+                Err(error) if error.kind() == ErrorKind::Interrupted => continue,
                 Err(error) => return Err(error.into()),
             };
             let piece = piece.get(..count).unwrap_or_default();
@@ -174,7 +177,15 @@ impl Store {
 
     /// Why it ends early, if it does.
     pub fn failure(&self) -> Option<String> {
-        self.lock().failure.clone()
+        self.error().map(|error| match error.kind() {
+            ErrorKind::UnexpectedEof => format!("the file is cut off: {error}"),
+            _ => error.to_string(),
+        })
+    }
+
+    /// The same as what its reader would be told.
+    pub fn error(&self) -> Option<io::Error> {
+        self.lock().failure.clone().map(|(kind, text)| io::Error::new(kind, text))
     }
 
     /// Nobody reads it any more: readers that wait come to the end.
@@ -185,6 +196,10 @@ impl Store {
 
     /// Nothing more will be written; because of this if it is for a reason.
     pub fn end(&self, failure: Option<String>) {
+        self.finish(failure.map(|text| (ErrorKind::Other, text)));
+    }
+
+    fn finish(&self, failure: Option<(ErrorKind, String)>) {
         let mut state = self.lock();
         (state.is_complete, state.failure) = (true, failure);
         drop(state);
@@ -204,22 +219,22 @@ fn head_of(file: &File, head: &mut [u8]) -> Vec<u8> {
 }
 
 #[cfg(unix)]
-fn read_at(file: &File, buffer: &mut [u8], offset: u64) -> std::io::Result<usize> {
+fn read_at(file: &File, buffer: &mut [u8], offset: u64) -> io::Result<usize> {
     std::os::unix::fs::FileExt::read_at(file, buffer, offset)
 }
 
 #[cfg(windows)]
-fn read_at(file: &File, buffer: &mut [u8], offset: u64) -> std::io::Result<usize> {
+fn read_at(file: &File, buffer: &mut [u8], offset: u64) -> io::Result<usize> {
     std::os::windows::fs::FileExt::seek_read(file, buffer, offset)
 }
 
 #[cfg(unix)]
-fn write_at(file: &File, bytes: &[u8], offset: u64) -> std::io::Result<()> {
+fn write_at(file: &File, bytes: &[u8], offset: u64) -> io::Result<()> {
     std::os::unix::fs::FileExt::write_all_at(file, bytes, offset)
 }
 
 #[cfg(windows)]
-fn write_at(file: &File, mut bytes: &[u8], mut offset: u64) -> std::io::Result<()> {
+fn write_at(file: &File, mut bytes: &[u8], mut offset: u64) -> io::Result<()> {
     while !bytes.is_empty() {
         let count = std::os::windows::fs::FileExt::seek_write(file, bytes, offset)?;
         bytes = bytes.get(count..).unwrap_or_default();
@@ -235,7 +250,7 @@ pub struct StoreReader {
 }
 
 impl Read for StoreReader {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let mut state = self.store.lock();
         while self.offset >= state.length && !state.is_complete && !state.is_abandoned {
             state = self.store.grew.wait(state).unwrap_or_else(PoisonError::into_inner);
@@ -248,7 +263,7 @@ impl Read for StoreReader {
             return Ok(0);
         }
         let Some((file, place, whole)) = self.store.place(self.offset) else {
-            return Err(std::io::Error::other("these frames are not kept any more (--keep)"));
+            return Err(io::Error::other("these frames are not kept any more (--keep)"));
         };
         let wanted = wanted.min(usize::try_from(whole).unwrap_or(usize::MAX));
         let count = read_at(&file, buffer.get_mut(..wanted).unwrap_or_default(), place)?;
@@ -268,7 +283,7 @@ pub struct StoreWriter {
 
 impl StoreWriter {
     /// Begins a new piece where the present one is full, and gives up the oldest ones.
-    fn make_room(&mut self) -> std::io::Result<()> {
+    fn make_room(&mut self) -> io::Result<()> {
         let mut pieces = self.store.pieces.write().unwrap_or_else(PoisonError::into_inner);
         let start = pieces.back().map_or(0, |piece| piece.start);
         if self.written - start < self.piece {
@@ -291,17 +306,17 @@ impl StoreWriter {
 }
 
 impl Write for StoreWriter {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.make_room()?;
         let Some((file, place, _)) = self.store.place(self.written) else {
-            return Err(std::io::Error::other("no temporary file"));
+            return Err(io::Error::other("no temporary file"));
         };
         write_at(&file, bytes, place)?;
         self.written += bytes.len() as u64;
         Ok(bytes.len())
     }
 
-    fn flush(&mut self) -> std::io::Result<()> {
+    fn flush(&mut self) -> io::Result<()> {
         self.store.lock().length = self.written;
         self.store.grew.notify_all();
         Ok(())
@@ -314,7 +329,7 @@ mod tests {
 
     #[test]
     fn what_comes_in_pieces_is_read_whole_from_any_place() {
-        let (mut writer, reader) = std::io::pipe().map(|(reader, writer)| (writer, reader)).unwrap();
+        let (mut writer, reader) = io::pipe().map(|(reader, writer)| (writer, reader)).unwrap();
         let store = Store::spooled("-".into(), Box::new(reader)).unwrap();
         let late = {
             let store = Arc::clone(&store);
@@ -329,6 +344,13 @@ mod tests {
         drop(writer);
         assert_eq!(late.join().unwrap(), "345");
         assert_eq!(store.length(), (6, true));
+    }
+
+    #[test]
+    fn a_folder_is_no_capture() {
+        let folder = tempfile::tempdir().unwrap();
+        let error = Store::open(folder.path()).err().unwrap().to_string();
+        assert!(error.ends_with(": a folder; name the captures in it, or judge all with check"), "{error}");
     }
 
     #[test]

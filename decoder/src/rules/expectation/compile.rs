@@ -246,6 +246,12 @@ fn asked(written: &Written, text: &str) -> Result<Asked, TextError> {
     if filter.asks("capture") {
         return wrong("an expectation knows no 'capture': it is judged in each by itself");
     }
+    let findings = KindSet::by_name(|name| name.starts_with("finding-"));
+    if filter.kinds().and(findings.complement()) == KindSet::NONE && filter.kinds() != KindSet::NONE {
+        return wrong(
+            "findings cannot be asked for in expectations: they are judged of events, not of each other",
+        );
+    }
     let news = KindSet::by_name(|name| NEWS.contains(&name));
     if filter.kinds().and(news.complement()) == KindSet::NONE {
         return wrong("no event can match this: no kind of event has all these fields");

@@ -15,6 +15,7 @@ mod each;
 mod every;
 mod moment;
 mod named;
+mod nearest;
 mod order;
 mod quoted;
 mod rate;
@@ -54,6 +55,11 @@ impl Expectation {
     /// Kinds of events it looks at.
     pub fn kinds(&self) -> KindSet {
         self.kinds
+    }
+
+    /// The bus it is about, where that is one.
+    pub(super) fn bus(&self) -> Option<&str> {
+        self.bus.as_deref()
     }
 
     /// Whether it is about the bus of this name.

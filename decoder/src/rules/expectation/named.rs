@@ -1,6 +1,7 @@
 //! Names an expectation rests on: signals and nodes that nobody ever used are most likely slips.
 
 use super::compile::Plan;
+use super::nearest::Nearest;
 use super::signal::{Messages, SignalName};
 use crate::event::Event;
 use crate::query::Filter;
@@ -12,7 +13,7 @@ use crate::wire::NodeId;
 #[derive(Debug)]
 pub(super) struct Named {
     /// Signals not seen so far.
-    signals: Vec<SignalName>,
+    signals: Vec<(SignalName, Nearest)>,
     messages: Messages<()>,
     /// Each line by any of these numbers.
     nodes: Vec<Vec<NodeId>>,
@@ -37,7 +38,7 @@ impl Named {
         let objects = filter.required("signals.id").into_iter().map(SignalName::read);
         let names = filter.required("signals.name").into_iter().map(|name| SignalName::Name(name.into()));
         let numbers = filter.required("signals.spn").into_iter().filter_map(number).map(SignalName::Spn);
-        self.signals.extend(objects.chain(names).chain(numbers));
+        self.signals.extend(objects.chain(names).chain(numbers).map(|name| (name, Nearest::default())));
         for id in filter.required("node").into_iter().filter_map(number) {
             let id = u8::try_from(id).unwrap_or(u8::MAX);
             self.nodes.push(vec![NodeId::Canopen(id), NodeId::J1939(id)]);
@@ -53,19 +54,28 @@ impl Named {
         }
         let signals = &mut self.signals;
         self.messages.of(event, context, |layout, ()| {
-            signals.retain(|name| !layout.fields.iter().any(|field| name.is(field)));
+            signals.retain(|(name, _)| !layout.fields.iter().any(|field| name.is(field)));
+            for (name, nearest) in signals.iter() {
+                nearest.see_all(&name.to_string(), layout);
+            }
         });
     }
 
     /// What is to be said of names nobody used on this bus.
     pub(super) fn unknown(&self, bus: &Bus) -> Vec<String> {
-        let signals = self.signals.iter().map(|name| format!("the signal '{name}' was never seen"));
+        let signals = self.signals.iter();
+        let signals =
+            signals.map(|(name, nearest)| format!("the signal '{name}' was never seen{}", nearest.hint()));
         let is_heard = |id: &NodeId| bus.node(*id).is_some_and(|node| node.last_seen().0 > 0);
         let nodes = self.nodes.iter().filter(|ids| !ids.iter().any(is_heard));
         let nodes = nodes.filter_map(|ids| Some(format!("{} was never heard", ids.first()?.words())));
         let has_name = |name: &str| bus.nodes().any(|node| node.name() == Some(name));
         let names = self.node_names.iter().filter(|name| !has_name(name));
-        let names = names.map(|name| format!("no node has the name '{name}'"));
+        let names = names.map(|name| {
+            let nearest = Nearest::default();
+            bus.nodes().filter_map(|node| node.name()).for_each(|known| nearest.see(name, known));
+            format!("no node has the name '{name}'{}", nearest.hint())
+        });
         signals.chain(nodes).chain(names).collect()
     }
 }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use foldhash::fast::FixedState;
 
+use super::nearest::Nearest;
 use crate::event::{Event, EventKind, Outcome};
 use crate::finding::About;
 use crate::frame::CanId;
@@ -170,6 +171,7 @@ pub(super) struct Values<T> {
     name: SignalName,
     messages: Messages<Found<T>>,
     was_seen: bool,
+    nearest: Nearest,
 }
 
 /// A value that came.
@@ -185,13 +187,15 @@ pub(super) struct Reading<'a, T> {
 
 impl<T: Default> Values<T> {
     pub(super) fn new(name: SignalName) -> Self {
-        Self { name, messages: Messages::default(), was_seen: false }
+        Self { name, messages: Messages::default(), was_seen: false, nearest: Nearest::default() }
     }
 
     /// Why nothing could be judged.
     pub(super) fn idle(&self) -> String {
-        let what = if self.was_seen { "had no value to be judged" } else { "was never seen" };
-        format!("the signal '{}' {what}", self.name)
+        if self.was_seen {
+            return format!("the signal '{}' had no value to be judged", self.name);
+        }
+        format!("the signal '{}' was never seen{}", self.name, self.nearest.hint())
     }
 
     /// The signal's value in an event, where it is a number.
@@ -209,9 +213,12 @@ impl<T: Default> Values<T> {
             let is_assumed = meaning.assumed;
             return Some(Reading { number, value, meaning: Some(meaning), is_assumed, known: None });
         }
-        let name = &self.name;
+        let (name, nearest) = (&self.name, &self.nearest);
         let learn = |layout: &Layout, found: &mut Found<T>| {
             let all = layout.fields.iter().enumerate().filter(|(_, field)| name.is(field));
+            if let SignalName::Name(wanted) = name {
+                nearest.see_all(wanted, layout);
+            }
             *found = Found { fields: all.map(|(place, _)| place).collect(), known: T::default() };
         };
         let (found, layout, payload) = self.messages.of(event, context, learn)?;

@@ -37,6 +37,13 @@ pub struct Known {
     pub text: String,
 }
 
+impl Known {
+    /// `error node-lost|can0|5: silent since {10}`.
+    pub fn line(&self) -> String {
+        format!("{} {}: {}", self.severity, self.fingerprint, self.text)
+    }
+}
+
 /// A rule that was exercised.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -57,13 +64,22 @@ pub struct Comparison {
     pub silent: Vec<String>,
 }
 
+/// What became of the captures of an earlier baseline that were not judged this time.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Others {
+    /// How many it still has.
+    pub kept: usize,
+    /// Those it does not have any more.
+    pub dropped: Vec<String>,
+}
+
 impl Baseline {
     /// Reads a file.
     ///
     /// # Errors
     /// Text that is no baseline, with line and column.
     pub fn parse(text: &str) -> Result<Self, String> {
-        let baseline: Self = serde_json::from_str(text).map_err(|error| error.to_string())?;
+        let baseline: Self = serde_json::from_str(text).map_err(|error| plain(&error))?;
         if baseline.version != VERSION {
             return Err(format!("version {} is not known, only {VERSION}", baseline.version));
         }
@@ -123,10 +139,34 @@ impl Baseline {
         for judged in &mut report.captures {
             judged.comparison = self.comparison(judged);
         }
+        report.absent = self.absent(report);
+    }
+
+    /// Takes over what `before` has of captures that were not judged, unless they are gone: `is_there` tells.
+    pub fn keep(&mut self, before: &Self, report: &Report, is_there: impl Fn(&str) -> bool) -> Others {
+        let mut others = Others::default();
+        for capture in before.absent(report) {
+            if !is_there(&capture) {
+                others.dropped.push(capture);
+                continue;
+            }
+            others.kept += 1;
+            let findings = before.findings.iter().filter(|known| known.capture == capture);
+            self.findings.extend(findings.cloned());
+            let verdicts = before.verdicts.iter().filter(|known| known.capture == capture);
+            self.verdicts.extend(verdicts.cloned());
+        }
+        self.findings.sort();
+        self.verdicts.sort();
+        others
+    }
+
+    /// Captures it has that were not judged.
+    fn absent(&self, report: &Report) -> Vec<String> {
         let judged: BTreeSet<String> = report.captures.iter().map(|one| portable(&one.capture)).collect();
         let known = self.verdicts.iter().map(|known| &known.capture);
         let known: BTreeSet<_> = known.chain(self.findings.iter().map(|known| &known.capture)).collect();
-        report.absent = known.into_iter().filter(|capture| !judged.contains(*capture)).cloned().collect();
+        known.into_iter().filter(|capture| !judged.contains(*capture)).cloned().collect()
     }
 
     fn comparison(&self, judged: &Judged) -> Comparison {
@@ -159,6 +199,24 @@ impl Baseline {
         comparison.silent = silent.map(|known| known.rule.clone()).collect();
         comparison
     }
+}
+
+/// What the reader of JSON says, in plain words.
+fn plain(error: &serde_json::Error) -> String {
+    let text = error.to_string();
+    let text = match text.strip_prefix("EOF while parsing ") {
+        Some(rest) => format!("the file ends inside {rest}"),
+        None => text,
+    };
+    [
+        ("expected struct Baseline", "expected an object"),
+        ("expected struct", "expected"),
+        ("expected a sequence", "expected a list"),
+        ("invalid type: ", "found "),
+        ("found map", "found an object"),
+    ]
+    .iter()
+    .fold(text, |text, (jargon, word)| text.replace(jargon, word))
 }
 
 fn severity(name: &str) -> Option<Severity> {
@@ -199,6 +257,8 @@ mod tests {
     fn what_is_none_is_refused_with_its_place() {
         let error = Baseline::parse("{\n  \"version\": 1,\n  x\n}").unwrap_err();
         assert!(error.contains("line 3 column 3"), "{error}");
+        let cut = Baseline::parse("{\"version\": 1,").unwrap_err();
+        assert_eq!(cut, "the file ends inside a value at line 1 column 14");
         let text = "{\"version\": 9, \"findings\": [], \"verdicts\": []}";
         assert_eq!(Baseline::parse(text).unwrap_err(), "version 9 is not known, only 1");
     }

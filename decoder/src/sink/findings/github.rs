@@ -4,11 +4,12 @@ use std::fmt::Write as _;
 
 use super::baseline::portable;
 use super::incident::incidents;
-use super::{Judged, Report, notes, text, what, who};
-use crate::finding::{Group, Severity};
+use super::{ABSENT, Judged, MISSING, Report, SILENT, notes, text, what, who};
+use crate::finding::{Group, Severity, SuppressionUse};
 use crate::sink::escape;
 
-/// Writes one command a finding, the worst of a capture first, and the total as plain text.
+/// Writes one command a finding, the worst of a capture first, what was suppressed and why, and the total as plain
+/// text.
 pub fn write(report: &Report, out: &mut String) {
     for judged in &report.captures {
         if let Some(failure) = &judged.failure {
@@ -18,15 +19,25 @@ pub fn write(report: &Report, out: &mut String) {
             command(out, "notice", &place(judged, None), "quality", note);
         }
         for rule in &judged.comparison.silent {
-            let text = "not exercised any more: the baseline has it exercised";
-            command(out, "error", &place(judged, None), rule, text);
+            command(out, "error", &place(judged, None), rule, SILENT);
+        }
+        for known in &judged.comparison.gone {
+            command(out, "notice", &place(judged, None), "gone", &known.line());
         }
         for (_, group) in incidents(judged.telling()).iter().flat_map(|incident| &incident.groups) {
             finding(judged, group, out);
         }
     }
     for rule in &report.missing {
-        command(out, "error", "", rule, "had to be exercised, and was in no capture");
+        command(out, "error", "", rule, MISSING);
+    }
+    for capture in &report.absent {
+        command(out, "error", &format!("file={},", property(capture)), "absent", ABSENT);
+    }
+    let suppressions = report.suppressions();
+    let said = |one: &SuppressionUse| [one.covered(), one.complaint()];
+    for text in suppressions.iter().flat_map(said).flatten() {
+        command(out, "notice", "", "suppression", &text);
     }
     let _ = writeln!(out, "{}", text::total(report));
 }

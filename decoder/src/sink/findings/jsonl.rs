@@ -3,7 +3,7 @@
 
 use super::{Judged, Outcome, Report, Standing};
 use crate::event::FrameRange;
-use crate::finding::{Cause, Group, Occurrence, Severity, Tally};
+use crate::finding::{Cause, Group, Occurrence, Severity, SuppressionUse, Tally};
 use crate::frame::Timestamp;
 use crate::query::record::{FieldValue, Fields as _};
 use crate::sink::jsonl::object::Object;
@@ -164,13 +164,19 @@ pub const KEYS: &[Key] = &[
         "That of the rules here: pass, fail or not-exercised",
     ),
     key(SUMMARY, "conformance.frames", KeyType::Frames, true, "From its first mark to its last"),
-    key(SUMMARY, "suppressions", KeyType::Groups, true, "Suppressions of the bus file"),
-    key(SUMMARY, "suppressions.what", KeyType::Text, true, "What it covers"),
-    key(SUMMARY, "suppressions.reason", KeyType::Text, true, "The user's reason"),
-    key(SUMMARY, "suppressions.met", KeyType::Count, true, "Findings it covers"),
-    key(SUMMARY, "suppressions.ended", KeyType::TextOrNull, true, "The day it ran out"),
+    key(COUNTS, "suppressions", KeyType::Groups, true, "Suppressions of the bus file"),
+    key(COUNTS, "suppressions.what", KeyType::Text, true, "What it covers"),
+    key(COUNTS, "suppressions.reason", KeyType::Text, true, "The user's reason"),
+    key(
+        COUNTS,
+        "suppressions.met",
+        KeyType::Count,
+        true,
+        "Findings it covers: of the capture, in the total of all",
+    ),
+    key(COUNTS, "suppressions.ended", KeyType::TextOrNull, true, "The day it ran out"),
     key(TOTAL, "missing", KeyType::Texts, true, "Rules that had to be exercised, and were in no capture"),
-    key(TOTAL, "absent", KeyType::Texts, true, "Captures of the baseline that were not judged"),
+    key(TOTAL, "absent", KeyType::Texts, true, "Captures of the baseline that were not judged, which fails"),
     key(TOTAL, "fails", KeyType::Bool, true, "Whether the exit status says that something is wrong"),
 ];
 
@@ -288,8 +294,13 @@ fn summary(judged: &Judged, report: &Report, lines: &mut Vec<u8>) {
         line.close();
     }
     line.close_list();
+    suppressions(&mut line, &findings.suppressions);
+    line.end();
+}
+
+fn suppressions(line: &mut Object<'_>, all: &[SuppressionUse]) {
     line.open_list("suppressions");
-    for one in &findings.suppressions {
+    for one in all {
         line.open("");
         line.field("what", FieldValue::Text(&one.what));
         line.field("reason", FieldValue::Text(&one.reason));
@@ -298,7 +309,6 @@ fn summary(judged: &Judged, report: &Report, lines: &mut Vec<u8>) {
         line.close();
     }
     line.close_list();
-    line.end();
 }
 
 fn total(report: &Report, lines: &mut Vec<u8>) {
@@ -311,6 +321,7 @@ fn total(report: &Report, lines: &mut Vec<u8>) {
     counts(&mut line, &report.captures);
     texts(&mut line, "missing", report.missing.iter());
     texts(&mut line, "absent", report.absent.iter());
+    suppressions(&mut line, &report.suppressions());
     line.field("fails", FieldValue::Bool(report.fails()));
     line.end();
 }

@@ -3,22 +3,19 @@
 use quick_junit::{NonSuccessKind, TestCase, TestCaseStatus, TestSuite, XmlString};
 
 use super::incident::incidents;
-use super::{Judged, Report, notes, what, who};
-use crate::finding::{Group, Severity, Verdict};
+use super::{ABSENT, Judged, MISSING, Report, SILENT, notes, what, who};
+use crate::finding::{Group, Severity, SuppressionUse, Verdict};
 use crate::sink::escape;
 
 /// Writes all captures.
 pub fn write(report: &Report, out: &mut String) {
     let mut junit = quick_junit::Report::new("cobscope");
     junit.add_test_suites(report.captures.iter().map(|judged| suite(judged, report.least)));
-    if !report.missing.is_empty() {
-        let mut required = TestSuite::new("required");
-        for rule in &report.missing {
-            let text = "had to be exercised, and was in no capture";
-            required.add_test_case(TestCase::new(xml(rule), failure("not-exercised", text, text)));
-        }
-        junit.add_test_suite(required);
-    }
+    let missing = report.missing.iter().map(|rule| (rule, "not-exercised", MISSING));
+    junit.add_test_suites(failures("required", missing));
+    let absent = report.absent.iter().map(|capture| (capture, "absent", ABSENT));
+    junit.add_test_suites(failures("baseline", absent));
+    junit.add_test_suites(suppressions(&report.suppressions()));
     // Writing to memory does not fail; names without what XML cannot hold were made above.
     out.push_str(&junit.to_string().unwrap_or_default());
 }
@@ -30,9 +27,12 @@ fn suite(judged: &Judged, least: Option<Severity>) -> TestSuite {
         status.set_type("unreadable").set_message(xml(text));
         suite.add_test_case(TestCase::new("capture", status));
     }
-    let quality: Vec<_> = judged.findings.quality.iter().map(|note| escape(note)).collect();
-    if !quality.is_empty() {
-        suite.set_system_out(xml_lines(&quality.join("\n")));
+    let quality = judged.findings.quality.iter().map(|note| escape(note).into_owned());
+    let gone =
+        judged.comparison.gone.iter().map(|known| escape(&format!("gone: {}", known.line())).into_owned());
+    let said: Vec<_> = quality.chain(gone).collect();
+    if !said.is_empty() {
+        suite.set_system_out(xml_lines(&said.join("\n")));
     }
     let told: Vec<&Group> = incidents(judged.telling())
         .into_iter()
@@ -41,21 +41,61 @@ fn suite(judged: &Judged, least: Option<Severity>) -> TestSuite {
         .collect();
     for (rule, tally) in judged.rules() {
         let own: Vec<&Group> = told.iter().copied().filter(|group| group.rule == rule.name).collect();
+        let suppressed = suppressed(judged, &rule.name);
         let is_silent = judged.comparison.silent.iter().any(|silent| **silent == *rule.name);
         let mut case = TestCase::new(xml(&rule.name), status(&own, judged, least));
         if is_silent {
-            let text = "not exercised any more: the baseline has it exercised";
-            case = TestCase::new(xml(&rule.name), failure("not-exercised", text, text));
+            case = TestCase::new(xml(&rule.name), failure("not-exercised", SILENT, SILENT));
+        } else if own.is_empty() && !suppressed.is_empty() {
+            case.status = TestCaseStatus::skipped();
+            case.status.set_message(xml_lines(&suppressed.join("; ")));
         } else if own.is_empty() && tally.verdict() == Verdict::NotExercised {
             case.status = TestCaseStatus::skipped();
             case.status.set_message("not exercised: nothing in the capture to judge");
-        } else if !own.is_empty() && !fails(&own, least) {
-            case.set_system_out(xml_lines(&texts(&own, judged)));
+        } else if !own.is_empty() {
+            let told = if fails(&own, least) { String::new() } else { texts(&own, judged) };
+            let lines: Vec<_> =
+                std::iter::once(told).chain(suppressed).filter(|text| !text.is_empty()).collect();
+            if !lines.is_empty() {
+                case.set_system_out(xml_lines(&lines.join("\n")));
+            }
         }
         case.set_classname(xml(&judged.capture));
         suite.add_test_case(case);
     }
     suite
+}
+
+/// A suite of cases that fail; none where there is no such case.
+fn failures<'a>(
+    name: &str,
+    cases: impl Iterator<Item = (&'a String, &'static str, &'static str)>,
+) -> Option<TestSuite> {
+    let mut suite = TestSuite::new(name);
+    suite.add_test_cases(cases.map(|(case, kind, text)| TestCase::new(xml(case), failure(kind, text, text))));
+    (!suite.test_cases.is_empty()).then_some(suite)
+}
+
+/// What the suppressions of the bus file came to: a case each, which passes with what is to be said of it.
+fn suppressions(all: &[SuppressionUse]) -> Option<TestSuite> {
+    let mut suite = TestSuite::new("suppressions");
+    for one in all {
+        let mut case = TestCase::new(xml(&one.what), TestCaseStatus::success());
+        let said: Vec<_> = [one.covered(), one.complaint()].into_iter().flatten().collect();
+        case.set_system_out(xml_lines(&said.iter().map(|text| escape(text)).collect::<Vec<_>>().join("\n")));
+        suite.add_test_case(case);
+    }
+    (!all.is_empty()).then_some(suite)
+}
+
+/// Findings of a rule that the bus file suppresses, each with its reason.
+fn suppressed(judged: &Judged, rule: &str) -> Vec<String> {
+    let own = judged.findings.groups.iter().filter(|group| *group.rule == *rule);
+    let told = own.filter_map(|group| {
+        let reason = group.suppressed.as_deref()?;
+        Some(escape(&format!("suppressed: {}  {}: {reason}", who(group), what(group))).into_owned())
+    });
+    told.collect()
 }
 
 fn fails(groups: &[&Group], least: Option<Severity>) -> bool {

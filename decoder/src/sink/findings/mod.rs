@@ -23,6 +23,15 @@ use crate::frame::Timestamp;
 use crate::wire::NodeId;
 use baseline::Comparison;
 
+/// What is said of a capture that the baseline has and that was judged nowhere.
+const ABSENT: &str = "not judged in this run: the baseline has it judged";
+
+/// What is said of a rule that the baseline has exercised and that is not any more.
+const SILENT: &str = "not exercised any more: the baseline has it exercised";
+
+/// What is said of a rule of `--require-exercised`.
+const MISSING: &str = "had to be exercised, and was in no capture";
+
 /// What was judged of all captures.
 #[derive(Debug, Clone, Default)]
 pub struct Report {
@@ -34,7 +43,7 @@ pub struct Report {
     pub has_baseline: bool,
     /// Rules that had to be exercised, and were in no capture.
     pub missing: Vec<String>,
-    /// Captures of the baseline that were not judged this time.
+    /// Captures of the baseline that were not judged this time: what they judged is lost.
     pub absent: Vec<String>,
 }
 
@@ -181,7 +190,7 @@ impl Report {
     /// Whether it fails: the exit status says so.
     pub fn fails(&self) -> bool {
         let failed = |judged: &Judged| judged.outcome(self.least) == Outcome::Failed;
-        !self.missing.is_empty() || self.captures.iter().any(failed)
+        !self.missing.is_empty() || !self.absent.is_empty() || self.captures.iter().any(failed)
     }
 
     /// Takes note of which of these rules were exercised nowhere.

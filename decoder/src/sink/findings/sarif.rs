@@ -7,8 +7,8 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::baseline::portable;
-use super::{Judged, Report, Standing, notes, what, who};
-use crate::finding::{Cause, Group, Occurrence, RuleInfo, RuleOrigin, Severity};
+use super::{ABSENT, Judged, MISSING, Report, SILENT, Standing, notes, what, who};
+use crate::finding::{Cause, Group, Occurrence, RuleInfo, RuleOrigin, Severity, SuppressionUse};
 use crate::rules::manual;
 use crate::sink::escape;
 
@@ -119,7 +119,7 @@ fn rule(rule: &RuleInfo) -> Value {
     })
 }
 
-/// What limits the verdicts, and what could not be read.
+/// What limits the verdicts, what could not be read, and what the files of the user say in vain.
 fn invocation(report: &Report) -> Value {
     let mut said = Vec::new();
     for (place, judged) in report.captures.iter().enumerate() {
@@ -129,8 +129,12 @@ fn invocation(report: &Report) -> Value {
             said.push(json!({"level": "warning", "message": {"text": text}, "locations": location()}));
         }
         for rule in &judged.comparison.silent {
-            let text = format!("{rule} is not exercised any more: the baseline has it exercised");
+            let text = format!("{rule} is {SILENT}");
             said.push(json!({"level": "error", "message": {"text": escape(&text)}, "locations": location()}));
+        }
+        for known in &judged.comparison.gone {
+            let text = escape(&format!("gone: {}", known.line())).into_owned();
+            said.push(json!({"level": "note", "message": {"text": text}, "locations": location()}));
         }
         if let Some(failure) = &judged.failure {
             let text = escape(failure).into_owned();
@@ -138,8 +142,15 @@ fn invocation(report: &Report) -> Value {
         }
     }
     for rule in &report.missing {
-        let text = format!("{rule} had to be exercised, and was in no capture");
+        let text = format!("{rule} {MISSING}");
         said.push(json!({"level": "error", "message": {"text": escape(&text)}}));
+    }
+    for capture in &report.absent {
+        let text = format!("{capture}: {ABSENT}");
+        said.push(json!({"level": "error", "message": {"text": escape(&text)}}));
+    }
+    for complaint in report.suppressions().iter().filter_map(SuppressionUse::complaint) {
+        said.push(json!({"level": "note", "message": {"text": escape(&complaint)}}));
     }
     let is_complete = report.captures.iter().all(|judged| judged.failure.is_none());
     json!({"executionSuccessful": is_complete, "toolExecutionNotifications": said})

@@ -4,7 +4,9 @@
 use std::fmt::Write as _;
 
 use super::incident::{absorbed, incidents};
-use super::{Judged, Outcome, Report, Standing, moment, notes, seconds, what, when, who};
+use super::{
+    ABSENT, Judged, MISSING, Outcome, Report, SILENT, Standing, moment, notes, seconds, what, when, who,
+};
 use super::{conformance, coverage};
 use crate::finding::{Group, Severity, SuppressionUse, Verdict};
 use crate::sink::escape;
@@ -154,12 +156,11 @@ impl Page<'_> {
 
     fn baseline(&mut self, judged: &Judged) {
         for rule in &judged.comparison.silent {
-            let text = format!("{rule} is not exercised any more: the baseline has it exercised");
+            let text = format!("{rule} is {SILENT}");
             self.labelled(0, (RED, "silent"), &text);
         }
         for known in &judged.comparison.gone {
-            let text = format!("{} {}: {}", known.severity, known.fingerprint, known.text);
-            self.labelled(0, (GREEN, "gone"), &text);
+            self.labelled(0, (GREEN, "gone"), &known.line());
         }
     }
 
@@ -183,14 +184,10 @@ impl Page<'_> {
         for said in all.iter().filter_map(SuppressionUse::complaint) {
             self.labelled(0, label(Severity::Note), &said);
         }
-        for one in all.iter().filter(|one| one.met > 0) {
+        for covered in all.iter().filter_map(SuppressionUse::covered) {
             if self.options.verbose || self.options.coverage {
-                let met = plural(one.met, "finding");
-                self.line(DIM, &format!("suppressed {met} by {}: {}", one.what, one.reason));
+                self.line(DIM, &covered);
             }
-        }
-        for capture in &report.absent {
-            self.labelled(0, label(Severity::Note), &format!("{capture} of the baseline was not judged"));
         }
     }
 
@@ -220,7 +217,10 @@ impl Page<'_> {
         }
         table.write(0, self.out);
         for rule in &report.missing {
-            self.labelled(0, (RED, "missing"), &format!("{rule} had to be exercised, and was in no capture"));
+            self.labelled(0, (RED, "missing"), &format!("{rule} {MISSING}"));
+        }
+        for capture in &report.absent {
+            self.labelled(0, (RED, "absent"), &format!("{capture}: {ABSENT}"));
         }
         self.line(if report.fails() { RED } else { GREEN }, &total(report));
     }
@@ -244,6 +244,9 @@ pub(super) fn total(report: &Report) -> String {
         if count > 0 {
             let _ = write!(text, ", {count} {}", standing.name());
         }
+    }
+    if !report.absent.is_empty() {
+        let _ = write!(text, "; {} of the baseline absent", plural(report.absent.len(), "capture"));
     }
     text
 }

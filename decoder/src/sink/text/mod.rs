@@ -120,15 +120,16 @@ impl<W: Write> Text<W> {
         self.clock.see(time);
     }
 
-    /// Writes one event, if it is one to be shown.
+    /// Writes one event, if it is one to be shown: whether it is.
     #[inline]
-    pub fn write(&mut self, event: &Event, bus: &Bus) {
+    pub fn write(&mut self, event: &Event, bus: &Bus) -> bool {
         self.clock.see(event.time);
         if self.error.is_some() || !self.is_shown(event) {
-            return;
+            return false;
         }
         self.columns.fill(event, bus);
         self.write_line(event, bus);
+        true
     }
 
     /// Every string of the capture is in one of the columns: escaped, so that our own colours are the

@@ -20,6 +20,7 @@ use super::captures::Source;
 use crate::cli::{CheckArgs, FindingFormat, InputArgs};
 use crate::cmd::input::read_options;
 use crate::cmd::{Watcher, decode_quietly};
+use crate::record::format;
 use crate::source;
 
 /// What became of a file.
@@ -88,7 +89,9 @@ impl Bench<'_> {
         };
         let decoded = match decode_quietly(path, &self.arguments.input, self.options, &mut watch) {
             Ok(decoded) => decoded,
-            Err(error) if source.folder.is_some() && is_no_capture(&error) => return Done::default(),
+            Err(error) if source.folder.is_some() && is_no_capture(&error) => {
+                return Done { said: passed_over(path, &error).into_iter().collect(), ..Done::default() };
+            }
             Err(error) => {
                 let failure = format!("{error:#}");
                 let said = vec![escape(&failure).into_owned()];
@@ -112,6 +115,24 @@ impl Bench<'_> {
         }
         Done { judged: Some(judged), said, has_failed }
     }
+}
+
+/// What is said of a file in a folder that is no capture: nothing of one that nobody takes for one.
+fn passed_over(path: &Path, error: &anyhow::Error) -> Option<String> {
+    let shown = path.display().to_string();
+    match error.downcast_ref::<CaptureError>()? {
+        CaptureError::Empty => Some(format!("{}: is empty, and was passed over", escape(&shown))),
+        _ if format::is_of_captures(path) => {
+            Some(format!("{}: was passed over", escape(&format!("{error:#}"))))
+        }
+        _ => None,
+    }
+}
+
+/// Whether this file is judged: those in a folder are where they are captures.
+pub(super) fn is_capture(source: &Source, input: &InputArgs) -> bool {
+    let opened = source::open(&source.path, &read_options(input));
+    source.folder.is_none() || !opened.err().is_some_and(|error| is_no_capture(&error))
 }
 
 /// Whether a file is in no format of captures, so that nobody meant it.

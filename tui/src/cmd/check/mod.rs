@@ -2,24 +2,25 @@
 
 mod captures;
 mod judge;
+mod known;
 
-use std::io::{ErrorKind, Write as _};
-use std::path::Path;
+use std::io::Write as _;
 use std::sync::Arc;
 
 use anyhow::Context as _;
 use cobscope_decoder::finding::Severity;
 use cobscope_decoder::rules::Setup;
 use cobscope_decoder::session::SessionOptions;
-use cobscope_decoder::sink::escape;
-use cobscope_decoder::sink::findings::baseline::Baseline;
 use cobscope_decoder::sink::findings::text::{self, TextOptions};
 use cobscope_decoder::sink::findings::{Report, github, jsonl, junit, sarif};
 
 use super::input::{catalogue, common_catalogue, options_of, setup};
-use super::{complain, is_colored, output};
+use super::output::{ensure_not_read, files_read, output, told};
+use super::{complain, is_colored};
 use crate::cli::{CheckArgs, FailOn, FindingFormat};
 use crate::exit_code::Exit;
+use captures::Source;
+use known::Known;
 
 /// Runs the command.
 pub fn run(arguments: &CheckArgs) -> Exit {
@@ -41,16 +42,12 @@ fn checked(arguments: &CheckArgs) -> Result<Exit, Refusal> {
         let known = setup.check_name(rule).map_err(anyhow::Error::msg);
         known.context("--require-exercised").map_err(|error| (Exit::Usage, error))?;
     }
-    let baseline = match &arguments.baseline {
-        Some(path) if !arguments.update_baseline => {
-            Some(read_baseline(path).map_err(|error| (Exit::Profile, error))?)
-        }
-        _ => None,
-    };
+    let captures = captures_to_read(arguments).map_err(|error| (Exit::Usage, error))?;
+    let known = Known::read(arguments)?;
     // A file that cannot be written is said before hours of work.
-    let mut output = output(arguments.output.as_deref()).map_err(|error| (Exit::Usage, error))?;
+    let mut output =
+        output(arguments.output.as_deref(), &arguments.baseline).map_err(|error| (Exit::Usage, error))?;
 
-    let captures = captures::captures(&arguments.input.captures);
     let judged = judge::judge_all(&captures, arguments, &options, &setup);
     let mut exit = Exit::Clean;
     let mut said: Vec<String> = judged.iter().flat_map(|one| one.said.clone()).collect();
@@ -72,24 +69,29 @@ fn checked(arguments: &CheckArgs) -> Result<Exit, Refusal> {
     let captures = judged.into_iter().filter_map(|one| one.judged).collect();
     let mut report = Report { captures, least, ..Report::default() };
     report.require(&arguments.require_exercised);
-    match (baseline, &arguments.baseline) {
-        (Some(baseline), _) => baseline.compare(&mut report),
-        (None, Some(path)) => {
-            write_baseline(path, &mut report).map_err(|error| (Exit::Usage, error))?;
-        }
-        (None, None) => {}
-    }
+    known.apply(&mut report, exit).map_err(|error| (Exit::Usage, error))?;
     if report.fails() {
         exit = exit.max(Exit::Findings);
     }
     let text = written(&report, arguments);
-    match output.write_all(text.as_bytes()).and_then(|()| output.flush()) {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            complain(&anyhow::Error::from(error).context("writing failed"));
-            Ok(exit.max(Exit::Capture))
+    Ok(exit.max(told(output.write_all(text.as_bytes()).and_then(|()| output.flush()))))
+}
+
+/// The captures to judge, of which nothing is written over. What is written into a folder is no capture of it.
+fn captures_to_read(arguments: &CheckArgs) -> anyhow::Result<Vec<Source>> {
+    let mut captures = captures::captures(&arguments.input.captures);
+    let baseline = arguments.baseline.iter().filter(|_| arguments.update_baseline);
+    for path in arguments.output.iter().chain(baseline) {
+        ensure_not_read(path, &files_read(&arguments.input))?;
+        for source in &captures {
+            let other = ensure_not_read(path, [&source.path]);
+            if other.is_err() && judge::is_capture(source, &arguments.input) {
+                other?;
+            }
         }
-        _ => Ok(exit),
+        captures.retain(|source| ensure_not_read(path, [&source.path]).is_ok());
     }
+    Ok(captures)
 }
 
 /// What the options say of buses and rules.
@@ -115,20 +117,4 @@ fn written(report: &Report, arguments: &CheckArgs) -> String {
         FindingFormat::Github => github::write(report, &mut text),
     }
     text
-}
-
-fn read_baseline(path: &Path) -> anyhow::Result<Baseline> {
-    let name = path.display();
-    let text = std::fs::read_to_string(path)
-        .with_context(|| format!("{name}: cannot be read (--update-baseline writes it)"))?;
-    Baseline::parse(&text).map_err(|error| anyhow::anyhow!("{name}: is no baseline: {}", escape(&error)))
-}
-
-/// Writes what was found, which is accepted from now on.
-fn write_baseline(path: &Path, report: &mut Report) -> anyhow::Result<()> {
-    let baseline = Baseline::of(report);
-    std::fs::write(path, baseline.text())
-        .with_context(|| format!("{}: cannot be written", path.display()))?;
-    baseline.compare(report);
-    Ok(())
 }

@@ -102,9 +102,9 @@ struct Whole(StoreReader, Arc<Store>);
 
 impl Read for Whole {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        match (self.0.read(buffer)?, self.1.failure()) {
-            (0, Some(failure)) => Err(io::Error::other(failure)),
-            (count, _) => Ok(count),
+        match self.0.read(buffer)? {
+            0 => self.1.error().map_or(Ok(0), Err),
+            count => Ok(count),
         }
     }
 }

@@ -15,13 +15,15 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, bail, ensure};
 use cobscope_decoder::capture::{BusNames, Item, Notice, WRITABLE, WritableFormat};
 use cobscope_decoder::query::KindSet;
+use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::escape;
 
-use super::complain;
 use super::input::session_options;
+use super::{complain, unknown_bus, unknown_buses};
 use crate::cli::ConvertArgs;
 use crate::exit_code::Exit;
 use crate::record::format;
+use crate::select::ensure_order;
 use crate::words::unreadable;
 use choice::Choice;
 use input::Input;
@@ -36,10 +38,11 @@ pub fn run(arguments: &ConvertArgs) -> Exit {
         Ok(plan) => plan,
         Err(error) => return refuse(&error, Exit::Usage),
     };
-    let choice = match session_options(&arguments.input) {
-        Ok(options) => Choice::new(arguments, options),
+    let options = match session_options(&arguments.input) {
+        Ok(options) => options,
         Err(error) => return refuse(&error, Exit::Profile),
     };
+    let choice = Choice::new(arguments, options.clone());
     let input = match Input::open(captures, &arguments.input, arguments.align) {
         Ok(input) => input,
         Err(error) => return refuse(&error, Exit::Capture),
@@ -48,7 +51,7 @@ pub fn run(arguments: &ConvertArgs) -> Exit {
         Ok(output) => output,
         Err(error) => return refuse(&error, Exit::Usage),
     };
-    Conversion { choice, output, unreadable: 0, is_first: true }.run(input)
+    Conversion { arguments, options, choice, output, unreadable: 0, is_first: true }.run(input)
 }
 
 fn refuse(error: &anyhow::Error, exit: Exit) -> Exit {
@@ -77,6 +80,7 @@ fn plan(arguments: &ConvertArgs) -> anyhow::Result<Plan<'_>> {
     for node in &arguments.only_node {
         ensure!(node.profile.is_none(), "--only-node chooses a node; --node tells what it is");
     }
+    ensure_order(arguments.from, arguments.to)?;
     let format = format_of(arguments, out)?;
     if arguments.comments && !format.holds.comments {
         let with = WRITABLE.iter().filter(|format| format.holds.comments).map(|format| format.title);
@@ -110,14 +114,16 @@ fn format_of(arguments: &ConvertArgs, out: &Path) -> anyhow::Result<&'static Wri
     WRITABLE.iter().find(|format| format.name == name.as_str()).context("-f: there is no such format")
 }
 
-struct Conversion {
+struct Conversion<'a> {
+    arguments: &'a ConvertArgs,
+    options: SessionOptions,
     choice: Choice,
     output: Output,
     unreadable: u64,
     is_first: bool,
 }
 
-impl Conversion {
+impl Conversion<'_> {
     fn run(mut self, mut input: Input) -> Exit {
         let mut exit = Exit::Clean;
         let mut has_frames = false;
@@ -141,8 +147,9 @@ impl Conversion {
             input.progress.tick();
         }
         input.progress.finish();
+        self.tell_unknown_buses(&input);
         if self.unreadable > NAMED {
-            say(&format!("{} could not be read", unreadable(self.unreadable)));
+            say(&format!("{}: {} could not be read", input.names(), unreadable(self.unreadable)));
         }
         if !has_frames {
             complain(&anyhow::anyhow!("{}: holds no frame", input.names()));
@@ -153,6 +160,19 @@ impl Conversion {
             Err(error) => return end(&error),
         }
         exit
+    }
+
+    /// Of captures that were not read to their end not all buses are known.
+    fn tell_unknown_buses(&self, input: &Input) {
+        if self.choice.is_over() {
+            return;
+        }
+        let name = PathBuf::from(input.names());
+        let names: Vec<&str> = input.buses().names().iter().map(String::as_str).collect();
+        let chosen = self.arguments.only_node.iter().filter_map(|node| node.bus.as_deref());
+        let chosen = chosen.filter_map(|bus| unknown_bus(&name, bus, "--only-node", &names));
+        let known = unknown_buses(&name, &self.arguments.input, &self.options, input.buses());
+        known.into_iter().chain(chosen).for_each(|said| say(&said));
     }
 
     fn take(&mut self, input: &Input) -> anyhow::Result<()> {
@@ -173,23 +193,25 @@ impl Conversion {
                         self.output.write(frame, bus, self.choice.comment())?;
                     }
                 }
-                Item::Notice(notice) => self.notice(notice, names)?,
+                Item::Notice(notice) => self.notice(notice, input)?,
             }
         }
         Ok(())
     }
 
-    fn notice(&mut self, notice: &Notice, names: &BusNames) -> anyhow::Result<()> {
+    /// Of several captures nobody knows whose notice it is.
+    fn notice(&mut self, notice: &Notice, input: &Input) -> anyhow::Result<()> {
+        let names = input.buses();
         match notice {
             Notice::Unreadable { .. } => {
                 self.unreadable += 1;
                 if self.unreadable <= NAMED {
-                    say(&notice.to_string());
+                    say(&format!("{}: {notice}", input.names()));
                 }
                 Ok(())
             }
             Notice::Assumption(text) => {
-                say(text);
+                say(&format!("{}: {text}", input.names()));
                 Ok(())
             }
             _ => {

@@ -8,11 +8,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Context as _, ensure};
 use cobscope_decoder::capture::{BusNames, FrameWriter, Losses, Notice, WritableFormat, WriteOptions};
-use cobscope_decoder::frame::Frame;
+use cobscope_decoder::frame::{CanId, Frame, Timestamp};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::words::plural;
 
 use crate::cli::ConvertArgs;
+use crate::cmd::output::{ensure_not_read, files_known};
 use crate::record::Names;
 
 /// Bytes gathered before the system gets them.
@@ -62,6 +63,9 @@ impl Output {
         arguments: &ConvertArgs,
     ) -> anyhow::Result<Self> {
         let splits = arguments.split_size.is_some() || arguments.split_at.is_some();
+        if let Some(most) = arguments.split_size {
+            ensure_room(most, format, arguments)?;
+        }
         let is_stdout = out.as_os_str() == "-";
         let names = if is_stdout { None } else { Some(Names::of(out, splits)?) };
         if let Some(names) = names.as_ref().filter(|_| !arguments.force) {
@@ -75,7 +79,7 @@ impl Output {
             splits,
             most: arguments.split_size,
             force: arguments.force,
-            read: captures.to_vec(),
+            read: captures.iter().cloned().chain(files_known(&arguments.input)).collect(),
             path: out.to_owned(),
             part: None,
             parts: 0,
@@ -93,12 +97,7 @@ impl Output {
             Some(names) => {
                 self.path = names.next();
                 names.number += 1;
-                let is_read = self.read.iter().any(|capture| is_same(capture, &self.path));
-                ensure!(
-                    !is_read,
-                    "{}: is read and would be written",
-                    escape(&self.path.display().to_string())
-                );
+                ensure_not_read(&self.path, &self.read)?;
                 let mut options = File::options();
                 // Nothing of the user's is written over unasked.
                 options.write(true).truncate(self.force).create(self.force).create_new(!self.force);
@@ -166,6 +165,15 @@ impl Output {
         Ok(())
     }
 
+    /// Removes a file without any frame, which others would take for a capture.
+    fn remove(&self) {
+        let is_file = self.path.symlink_metadata().is_ok_and(|metadata| metadata.is_file());
+        if self.names.is_some() && is_file {
+            // One that cannot be removed stays, and was told to have no frame.
+            let _ = std::fs::remove_file(&self.path);
+        }
+    }
+
     fn end(&mut self) -> anyhow::Result<()> {
         match self.part.take() {
             Some(mut part) => part.writer.finish().with_context(|| failed(&self.path)),
@@ -180,6 +188,9 @@ impl Output {
     pub(super) fn finish(mut self, buses: &BusNames, has_frames: bool) -> anyhow::Result<Vec<String>> {
         self.end()?;
         let mut said = Vec::new();
+        if self.frames == 0 {
+            self.remove();
+        }
         if self.frames == 0 && has_frames {
             said.push(format!("{}: no frame was chosen", self.path.display()));
         }
@@ -204,6 +215,24 @@ impl Output {
     }
 }
 
+/// Refuses a size in which a file cannot have what it begins and ends with and a frame.
+fn ensure_room(most: u64, format: &'static WritableFormat, arguments: &ConvertArgs) -> anyhow::Result<()> {
+    let written = Arc::new(AtomicU64::new(0));
+    let counted = Counted { output: io::sink(), written: Arc::clone(&written) };
+    let options = WriteOptions { packing: arguments.packing.into() };
+    let mut writer = (format.writer)(Box::new(counted), &options);
+    let frame = Frame::data_frame(CanId::standard(0), &[]);
+    let frame = Frame { number: 1, time: Some(Timestamp(0)), ..frame };
+    writer.write(&frame, "can0").and_then(|()| writer.finish()).context("--split-size")?;
+    let least = written.load(Ordering::Relaxed).saturating_add(LARGEST_FRAME);
+    ensure!(
+        most >= least,
+        "--split-size: found {most} bytes, expected {least} or more: {} with one frame may have so many",
+        format.title
+    );
+    Ok(())
+}
+
 fn refused(path: &Path, error: &io::Error) -> anyhow::Error {
     let shown = path.display().to_string();
     let shown = escape(&shown);
@@ -211,18 +240,6 @@ fn refused(path: &Path, error: &io::Error) -> anyhow::Error {
         io::ErrorKind::AlreadyExists => anyhow::anyhow!("{shown}: is there already; --force writes over it"),
         _ => anyhow::anyhow!("{shown}: cannot be made: {error}"),
     }
-}
-
-/// Whether both are one file, also where it has two names.
-fn is_same(one: &Path, other: &Path) -> bool {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::MetadataExt as _;
-        let place = |path: &Path| path.metadata().map(|file| (file.dev(), file.ino()));
-        matches!((place(one), place(other)), (Ok(one), Ok(other)) if one == other)
-    }
-    #[cfg(not(unix))]
-    matches!((one.canonicalize(), other.canonicalize()), (Ok(one), Ok(other)) if one == other)
 }
 
 fn failed(path: &Path) -> String {

@@ -16,6 +16,7 @@ use cobscope_decoder::profile::{self, Device, ProfileError};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::canopen::ObjectAddress;
 
+use super::output::print;
 use super::rules;
 use crate::exit_code::Exit;
 use asked::Asked;
@@ -37,9 +38,7 @@ pub fn run(thing: &str, device: Option<&str>, profiles: &[PathBuf]) -> Exit {
     };
     let thing = thing.trim();
     if let Some(rule) = rules::find(&catalogue, thing) {
-        // A closed pipe is no failure.
-        let _ = std::io::stdout().write_all(rules::page(&rule).as_bytes());
-        return Exit::Clean;
+        return print(rules::page(&rule).as_bytes());
     }
     let asked = Asked { catalogue, device };
     let readings = if thing.contains('#') {
@@ -56,9 +55,7 @@ pub fn run(thing: &str, device: Option<&str>, profiles: &[PathBuf]) -> Exit {
         let _ = writeln!(std::io::stderr(), "cobscope: explain: {text}");
         return Exit::Usage;
     }
-    // A closed pipe is no failure.
-    let _ = std::io::stdout().write_all(readings.join("\n").as_bytes());
-    Exit::Clean
+    print(readings.join("\n").as_bytes())
 }
 
 /// A device that is not there is a mistake of the user, a broken profile one of the file.

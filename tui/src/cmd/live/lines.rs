@@ -23,8 +23,9 @@ use cobscope_decoder::words::plural;
 use super::pump::{Came, Pump};
 use super::{Refusal, is_down, open, recorder, shown};
 use crate::cli::{FailOn, Format, LiveArgs};
-use crate::cmd::input::{session_options, setup};
+use crate::cmd::input::{check_rules_of, session_options, setup};
 use crate::cmd::is_colored;
+use crate::cmd::output::{files_read, print, told};
 use crate::cmd::print::Printer;
 use crate::exit_code::Exit;
 use crate::record::RecordFailure;
@@ -49,7 +50,9 @@ pub(super) fn watch(
         Ok((options, Arc::new(setup)))
     });
     let (options, setup) = ready.map_err(|error| (Exit::Profile, error))?;
-    let printer = Printer::new(&arguments.lines, &arguments.select).map_err(|error| (Exit::Usage, error))?;
+    check_rules_of(arguments.select.filter.as_ref(), &setup).map_err(|error| (Exit::Usage, error))?;
+    let printer = Printer::new(&arguments.lines, &arguments.select, &files_read(&arguments.input))
+        .map_err(|error| (Exit::Usage, error))?;
     let interrupted = interrupted().map_err(|error| (Exit::Capture, error))?;
     let sources = sources().map_err(|error| (Exit::Capture, error))?;
     let recorder = recorder(arguments).map_err(|error| (Exit::Usage, error))?;
@@ -212,14 +215,12 @@ impl Watch {
         self.decoder.finish(&self.names, &mut self.looker);
         let Looker { engine, mut printer, .. } = self.looker;
         let Some(engine) = engine else {
-            // A closed pipe is no failure.
-            let _ = printer.finish();
-            return Exit::Clean;
+            return told(printer.finish());
         };
         let findings = engine.finish(self.decoder.buses(), &mut printer);
-        let _ = printer.finish();
+        let written = told(printer.finish());
         if !arguments.check {
-            return Exit::Clean;
+            return written;
         }
         let names: Vec<&str> = live.buses.iter().map(|bus| bus.name.as_str()).collect();
         let capture = names.join(" ");
@@ -234,8 +235,8 @@ impl Watch {
             let options = TextOptions { color, verbose: arguments.lines.verbose, coverage: false };
             text::write(&report, options, &mut verdict);
         }
-        let _ = std::io::stdout().write_all(verdict.as_bytes());
-        if report.fails() { Exit::Findings } else { Exit::Clean }
+        let exit = if report.fails() { Exit::Findings } else { Exit::Clean };
+        exit.max(written).max(print(verdict.as_bytes()))
     }
 }
 

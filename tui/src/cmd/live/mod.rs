@@ -13,6 +13,7 @@ use cobscope_decoder::sink::escape;
 
 use super::complain;
 use super::input::read_options;
+use super::output::print;
 use crate::cli::LiveArgs;
 use crate::exit_code::Exit;
 use crate::record::{RecordOptions, Recorder};
@@ -58,7 +59,6 @@ type Refusal = (Exit, anyhow::Error);
 /// Says which interfaces there are.
 fn list() -> Exit {
     let interfaces = socketcan::all();
-    let mut out = std::io::stdout();
     let mut text = String::new();
     for status in &interfaces {
         text.push_str(&shown(status));
@@ -69,14 +69,13 @@ fn list() -> Exit {
     } else {
         "cobscope live NAME watches one of them, any watches all; "
     };
-    // A closed pipe is no failure.
-    let _ = out.write_all(text.as_bytes());
+    let written = print(text.as_bytes());
     let _ = writeln!(
         std::io::stderr(),
         "cobscope: {hint}serial adapters are slcan:/dev/ttyACM0@500000, servers socketcand://HOST/can0, \
          - is text on standard input"
     );
-    if interfaces.is_empty() { Exit::Capture } else { Exit::Clean }
+    if interfaces.is_empty() { Exit::Capture } else { written }
 }
 
 /// `can0: up, 250000 bit/s, error active`.

@@ -5,11 +5,10 @@ mod listed;
 mod markdown;
 mod page;
 
-use std::io::Write as _;
-
 use cobscope_decoder::sink::table::{Align, Table};
 
 use super::input::common_catalogue;
+use super::output::print;
 use crate::cli::{RulesArgs, RulesFormat};
 use crate::exit_code::Exit;
 pub(super) use listed::{Listed, find, listed, meant};
@@ -24,9 +23,7 @@ pub fn run(arguments: &RulesArgs) -> Exit {
         RulesFormat::Json => json::list(&rules),
         RulesFormat::Markdown => markdown::document(&rules),
     };
-    // A closed pipe is no failure.
-    let _ = std::io::stdout().write_all(text.as_bytes());
-    Exit::Clean
+    print(text.as_bytes())
 }
 
 fn table(rules: &[Listed]) -> String {

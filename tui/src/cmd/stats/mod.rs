@@ -11,7 +11,8 @@ use cobscope_decoder::frame::Frame;
 use cobscope_decoder::session::{Bus, Observer};
 use cobscope_decoder::statistics::Statistics;
 
-use super::{Watcher, decode_capture, report};
+use super::input::warn;
+use super::{Watcher, decode_capture, report, unknown_bus};
 use crate::cli::{ReportFormat, StatsArgs};
 use crate::exit_code::Exit;
 
@@ -39,6 +40,9 @@ pub fn run(arguments: &StatsArgs) -> Exit {
     report(&arguments.input, |path, options, output| {
         let mut counting = Counting(Statistics::default());
         let decoded = decode_capture(path, &arguments.input, options, &mut counting)?;
+        let has: Vec<_> = decoded.decoder.buses().iter().map(Bus::name).collect();
+        let named = arguments.bitrate.iter().filter_map(|rate| rate.bus.as_deref());
+        named.filter_map(|bus| unknown_bus(path, bus, "--bitrate", &has)).for_each(|said| warn(&said));
         let Counting(statistics) = counting;
         let capture = path.display().to_string();
         let report =

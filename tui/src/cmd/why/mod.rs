@@ -24,6 +24,7 @@ pub fn run(arguments: &WhyArgs) -> Exit {
     report(&arguments.input, |path, options, output| {
         let mut watch = Watch { why: Why::new(question(arguments)), at: arguments.at, first: None };
         let decoded = decode_capture(path, &arguments.input, options, &mut watch)?;
+        decoded.tell_unreadable(path);
         let buses = decoded.decoder.buses();
         let name = path.display().to_string();
         let Watch { why, at, first } = watch;

@@ -1,0 +1,172 @@
+//! Baselines of `check` that know more captures than are judged, and what is set aside in every format.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::cli::{Output, run_in};
+use crate::support::workspace;
+
+const LOST: &str = "fixtures/rules/node-lost.log";
+const BASELINE: [&str; 2] = ["--baseline", "known.json"];
+
+fn check(folder: &Path, words: &[&str]) -> Output {
+    run_in(folder, &[&["check"], words].concat(), "")
+}
+
+fn updated(folder: &Path, captures: &[&str]) -> Output {
+    check(folder, &[&BASELINE[..], &["--update-baseline"], captures].concat())
+}
+
+/// A folder with two captures below `captures` and a baseline of both.
+fn known() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("captures")).unwrap();
+    for name in ["captures/a.log", "captures/b.log"] {
+        fs::copy(workspace().join(LOST), folder.path().join(name)).unwrap();
+    }
+    let written = updated(folder.path(), &["captures"]);
+    assert_eq!((written.code, written.stderr.as_str()), (0, ""));
+    folder
+}
+
+fn baseline(folder: &Path) -> String {
+    fs::read_to_string(folder.join("known.json")).unwrap()
+}
+
+#[test]
+fn a_capture_of_the_baseline_that_is_not_judged_fails_in_every_format() {
+    let folder = known();
+    let path = folder.path().join("captures/b.log");
+    let said = "not judged in this run: the baseline has it judged";
+    let write =
+        |text: Option<&str>| text.map_or_else(|| fs::remove_file(&path), |text| fs::write(&path, text));
+    for content in [None, Some(""), Some("no capture")] {
+        write(content).unwrap();
+        let of = |format: &str| {
+            let output = check(folder.path(), &[&BASELINE[..], &["-f", format, "captures"]].concat());
+            assert_eq!(output.code, 1, "{format}: {}", output.stdout);
+            output
+        };
+        let text = of("text");
+        assert!(text.stdout.contains(&format!("absent   captures/b.log: {said}\n")), "{}", text.stdout);
+        assert!(text.stdout.ends_with("; 1 capture of the baseline absent\n"), "{}", text.stdout);
+        let skipped = match content {
+            None => "",
+            Some("") => "cobscope: captures/b.log: is empty, and was passed over\n",
+            Some(_) => "cobscope: captures/b.log: not a capture in a known format",
+        };
+        assert!(text.stderr.starts_with(skipped) && text.stderr.is_empty() == skipped.is_empty());
+        let github = of("github").stdout;
+        assert!(github.contains(&format!("::error file=captures/b.log,title=absent::{said}\n")), "{github}");
+        let junit = of("junit").stdout;
+        assert!(junit.contains("<testsuite name=\"baseline\" tests=\"1\""), "{junit}");
+        assert!(junit.contains(&format!("<failure message=\"{said}\" type=\"absent\"")), "{junit}");
+        let sarif: Value = serde_json::from_str(&of("sarif").stdout).unwrap();
+        let notes = &sarif["runs"][0]["invocations"][0]["toolExecutionNotifications"];
+        let note = notes.as_array().unwrap().last().unwrap();
+        assert_eq!(
+            (&note["level"], &note["message"]["text"]),
+            (&"error".into(), &format!("captures/b.log: {said}").into())
+        );
+        let lines = of("jsonl").stdout;
+        let total: Value = serde_json::from_str(lines.lines().last().unwrap()).unwrap();
+        assert_eq!((&total["absent"][0], &total["fails"]), (&"captures/b.log".into(), &true.into()));
+    }
+}
+
+#[test]
+fn an_update_keeps_what_it_did_not_judge_and_says_what_is_gone() {
+    let folder = known();
+    let both = baseline(folder.path());
+    let kept = updated(folder.path(), &["captures/a.log"]);
+    let said = "cobscope: known.json: keeps what it has of 1 capture that were not judged\n";
+    assert_eq!((kept.code, kept.stderr.as_str()), (0, said));
+    assert_eq!(baseline(folder.path()), both);
+    fs::remove_file(folder.path().join("captures/b.log")).unwrap();
+    let dropped = updated(folder.path(), &["captures"]);
+    let said = "cobscope: known.json: drops captures/b.log, which is not there any more\n";
+    assert_eq!((dropped.code, dropped.stderr.as_str()), (0, said));
+    assert!(!baseline(folder.path()).contains("b.log"));
+}
+
+#[test]
+fn a_baseline_is_left_as_it_is_where_a_capture_cannot_be_read() {
+    let folder = known();
+    let before = baseline(folder.path());
+    for unread in ["no.log", "known.json"] {
+        let output = updated(folder.path(), &["captures/a.log", unread]);
+        assert_ne!(output.code, 0);
+        assert_eq!(baseline(folder.path()), before);
+    }
+    let output = updated(folder.path(), &["captures/a.log", "no.log"]);
+    assert_eq!(output.code, 3);
+    assert!(
+        output.stderr.contains("known.json: is left as it is: a capture could not be read"),
+        "{}",
+        output.stderr
+    );
+}
+
+#[test]
+fn only_a_baseline_is_replaced_by_one() {
+    let folder = known();
+    let expected = "is not written over: expected a baseline that --update-baseline wrote, or no file";
+    for other in ["my notes", "{\"version\": 1}", "\u{ff}"] {
+        fs::write(folder.path().join("known.json"), other).unwrap();
+        let output = updated(folder.path(), &["captures"]);
+        assert_eq!(output.code, 2, "{}", output.stderr);
+        assert!(
+            output.stderr.starts_with(&format!("cobscope: known.json: {expected}: ")),
+            "{}",
+            output.stderr
+        );
+        assert_eq!(baseline(folder.path()), other);
+    }
+    fs::write(folder.path().join("known.json"), [0xFF, 0xFE]).unwrap();
+    assert!(updated(folder.path(), &["captures"]).stderr.contains(expected));
+}
+
+#[test]
+fn suppressions_and_what_is_gone_are_said_in_formats_for_programs() {
+    let folder = known();
+    let bus = "[[suppress]]\nrule = 'node-lost'\nreason = 'known gateway'\n\
+               [[suppress]]\nrule = 'sdo-no-response'\nreason = 'old master'\n\
+               [[suppress]]\nrule = 'emcy-raised'\nuntil = 2026-01-31\nreason = 'until repaired'\n";
+    fs::write(folder.path().join("bus.toml"), bus).unwrap();
+    let text = baseline(folder.path()).replace("node-lost|can0|5", "node-lost|can0|9");
+    fs::write(folder.path().join("known.json"), text).unwrap();
+    let words = ["--bus", "bus.toml", "--today", "2026-02-01", "captures/a.log", "captures/b.log", "-f"];
+    let of = |format: &str| check(folder.path(), &[&BASELINE[..], &words, &[format]].concat()).stdout;
+    let met = "suppressed 2 findings by node-lost: known gateway";
+    let vain = "suppression of sdo-no-response met nothing: old master";
+    let ended = "suppression of emcy-raised ran out on 2026-01-31: until repaired";
+    let gone = "error node-lost|can0|9: silent since {10}";
+
+    let github = of("github");
+    for said in [met, vain, ended] {
+        assert!(github.contains(&format!("::notice title=suppression::{said}\n")), "{github}");
+    }
+    assert!(github.contains(&format!("::notice file=captures/a.log,title=gone::{gone}")), "{github}");
+
+    let junit = of("junit");
+    for said in [met, vain, ended] {
+        assert!(junit.contains(&format!("<system-out>{said}</system-out>")), "{junit}");
+    }
+    assert!(junit.contains("<skipped message=\"suppressed: can0 5/05  silent since {10}"), "{junit}");
+    assert!(junit.contains(": known gateway\"/>") && junit.contains(&format!("gone: {gone}")), "{junit}");
+
+    let sarif: Value = serde_json::from_str(&of("sarif")).unwrap();
+    let notes = sarif["runs"][0]["invocations"][0]["toolExecutionNotifications"].to_string();
+    for said in [vain, ended, &format!("gone: {gone}")] {
+        assert!(notes.contains(said), "{said}: {notes}");
+    }
+
+    let lines = of("jsonl");
+    let total: Value = serde_json::from_str(lines.lines().last().unwrap()).unwrap();
+    let met: Vec<_> =
+        total["suppressions"].as_array().unwrap().iter().map(|one| one["met"].clone()).collect();
+    assert_eq!(met, [2, 0, 0]);
+    assert_eq!(total["suppressions"][2]["ended"], "2026-01-31");
+}

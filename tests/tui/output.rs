@@ -1,0 +1,124 @@
+//! What is written where: never over what is read, and what cannot be written is told.
+#![cfg(unix)]
+
+use std::fs;
+use std::os::unix::fs::symlink;
+use std::process::{Command, Stdio};
+
+use crate::cli::{run, run_in};
+use crate::support::workspace;
+
+const BOOT: &str = "(1700000000.000000) can0 705#00\n(1700000000.100000) can0 705#05\n";
+
+#[test]
+fn no_output_goes_over_what_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    fs::create_dir(path("captures")).unwrap();
+    for name in ["g.log", "w.log", "captures/a.log"] {
+        fs::write(path(name), BOOT).unwrap();
+    }
+    fs::write(path("bus.toml"), "[node.5]\nname = 'pump'\n").unwrap();
+    fs::hard_link(path("g.log"), path("twin.log")).unwrap();
+    symlink("g.log", path("link.log")).unwrap();
+    symlink("g.log", path("run.events.parquet")).unwrap();
+    let refused = [
+        &["decode", "-o", "g.log", "g.log"][..],
+        &["decode", "-o", "./twin.log", "w.log", "g.log"],
+        &["decode", "-o", "link.log", "g.log"],
+        &["decode", "-f", "mcap", "-o", "g.log", "g.log"],
+        &["decode", "-f", "parquet", "-o", "run", "g.log"],
+        &["decode", "--bus", "bus.toml", "-o", "bus.toml", "g.log"],
+        &["check", "-o", "g.log", "g.log"],
+        &["check", "-o", "captures/a.log", "captures"],
+        &["check", "--baseline", "w.log", "--update-baseline", "w.log"],
+        &["check", "--baseline", "captures/a.log", "--update-baseline", "captures"],
+        &["convert", "--force", "--bus", "bus.toml", "-f", "candump", "g.log", "bus.toml"],
+        &["live", "--print", "--follow", "-o", "g.log", "g.log"],
+    ];
+    for words in refused {
+        if cfg!(not(all(feature = "mcap", feature = "parquet"))) && words.contains(&"-f") {
+            continue;
+        }
+        let output = run_in(folder.path(), words, "");
+        assert_eq!(output.code, 2, "{words:?}: {}", output.stderr);
+        assert!(output.stderr.contains(": is read and would be written\n"), "{words:?}: {}", output.stderr);
+        for name in ["g.log", "w.log", "captures/a.log"] {
+            assert_eq!(fs::read_to_string(path(name)).unwrap(), BOOT, "{words:?}: {name}");
+        }
+    }
+    // Standard input may be the file too.
+    let mut decode = Command::new(env!("CARGO_BIN_EXE_cobscope"));
+    decode.current_dir(folder.path()).args(["decode", "-o", "g.log"]);
+    let output = decode.stdin(fs::File::open(path("g.log")).unwrap()).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert_eq!(fs::read_to_string(path("g.log")).unwrap(), BOOT);
+}
+
+#[test]
+fn other_files_are_written_over_and_a_report_may_lie_in_the_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    fs::create_dir(path("captures")).unwrap();
+    fs::write(path("captures/a.log"), BOOT).unwrap();
+    fs::write(path("old.txt"), "old").unwrap();
+    assert_eq!(run_in(folder.path(), &["decode", "-o", "old.txt", "captures/a.log"], "").code, 0);
+    assert!(fs::read_to_string(path("old.txt")).unwrap().contains("BOOT"));
+    let words = [
+        "check",
+        "-f",
+        "junit",
+        "-o",
+        "captures/report.xml",
+        "--baseline",
+        "captures/known.json",
+        "--update-baseline",
+        "captures",
+    ];
+    for _ in 0..2 {
+        let output = run_in(folder.path(), &words, "");
+        assert_eq!((output.code, output.stderr.as_str()), (0, ""));
+    }
+    assert!(fs::read_to_string(path("captures/report.xml")).unwrap().starts_with("<?xml"));
+}
+
+#[test]
+fn a_full_disk_is_told_by_every_command() {
+    let full = || Stdio::from(fs::OpenOptions::new().write(true).open("/dev/full").unwrap());
+    let commands = [
+        &["stats", "fixtures/canopen/emcy.log"][..],
+        &["objects", "fixtures/canopen/sdo_expedited.log"],
+        &["why", "fixtures/canopen/emcy.log"],
+        &["decode", "fixtures/canopen/emcy.log"],
+        &["check", "fixtures/canopen/emcy.log"],
+        &["rules"],
+        &["explain", "8130"],
+        &["explain", "node-lost"],
+        &["profiles", "list"],
+        &["profiles", "show", "rexroth-sydfec"],
+        &["completions", "bash"],
+        &["man"],
+    ];
+    for words in commands {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_cobscope"));
+        let output = command.args(words).current_dir(workspace()).stdout(full()).output().unwrap();
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(3), "{words:?}: {stderr}");
+        assert!(stderr.contains("cobscope: standard output: No space left on device"), "{words:?}: {stderr}");
+    }
+    let named = run(&["check", "-o", "/dev/full", "fixtures/canopen/emcy.log"], "");
+    assert_eq!(named.code, 3);
+    assert!(named.stderr.contains("cobscope: /dev/full: No space left on device"), "{}", named.stderr);
+}
+
+#[test]
+fn a_closed_pipe_is_no_failure() {
+    for words in [&["rules"][..], &["stats", "fixtures/canopen/emcy.log"], &["man"]] {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_cobscope"));
+        command.args(words).current_dir(workspace()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let output = command.stdout(Stdio::from(writer)).output().unwrap();
+        assert_eq!((output.status.code(), output.stderr.as_slice()), (Some(0), &b""[..]), "{words:?}");
+    }
+}
