@@ -100,7 +100,7 @@ pub enum Command {
     /// A folder stands for all captures in and below it, in the order of their names; files in it that are no
     /// captures, and hidden ones, are passed over. Ends with 1 where there are findings at or above --fail-on, a
     /// rule of --require-exercised is not exercised, one that the baseline has exercised is not any more, or a capture
-    /// that the baseline has was not judged.
+    /// that the baseline has in a folder could not be judged.
     #[command(after_help = notes::check())]
     Check(CheckArgs),
     /// List the rules: name, severity, whether it is on, whether it judges times, the defect

@@ -1,7 +1,7 @@
 //! The baseline of a run: compared with, or written anew.
 
 use std::io::{ErrorKind, Write as _};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow};
 use cobscope_decoder::sink::escape;
@@ -18,7 +18,8 @@ pub(super) enum Known<'a> {
     /// There is none.
     Nothing,
     /// What is found is compared with it.
-    Compared(Baseline),
+    /// Captures that lie in none of these paths are no part of this run.
+    Compared(Baseline, &'a [PathBuf]),
     /// What is found takes its place.
     Replaced { path: &'a Path, before: Baseline },
 }
@@ -34,7 +35,9 @@ impl<'a> Known<'a> {
             let before = replaced(path).map_err(|error| (Exit::Usage, error))?;
             return Ok(Self::Replaced { path, before });
         }
-        compared(path).map(Self::Compared).map_err(|error| (Exit::Profile, error))
+        compared(path)
+            .map(|baseline| Self::Compared(baseline, &arguments.input.captures))
+            .map_err(|error| (Exit::Profile, error))
     }
 
     /// Compares what was found with it, or writes it where all captures could be read: `exit` tells.
@@ -44,7 +47,12 @@ impl<'a> Known<'a> {
     pub(super) fn apply(self, report: &mut Report, exit: Exit) -> anyhow::Result<()> {
         match self {
             Self::Nothing => {}
-            Self::Compared(baseline) => baseline.compare(report),
+            Self::Compared(baseline, paths) => {
+                baseline.compare(report);
+                let is_part =
+                    |capture: &String| paths.iter().any(|path| Path::new(capture).starts_with(path));
+                report.absent.retain(is_part);
+            }
             Self::Replaced { path, .. } if exit == Exit::Capture => say(&format!(
                 "{}: is left as it is: a capture could not be read, and what it holds would be forgotten",
                 path.display()
