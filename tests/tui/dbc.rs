@@ -57,7 +57,7 @@ fn frames_of_a_dbc_are_printed_when_they_change() {
     assert_eq!(lines(&["--pdo", "none", "--frames"]).len(), 4);
     assert_eq!(lines(&["--filter", "signals.name == Speed && signals.value > 100"]), [changed]);
     let said = ok(&["decode", "--dbc", dbc], FRAMES).stdout;
-    assert!(said.contains("1 frames belong to no known service"), "{said}");
+    assert!(said.contains("1 frame of no known service"), "{said}");
 }
 
 #[test]

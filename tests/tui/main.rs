@@ -26,4 +26,5 @@ mod stats;
 mod support;
 mod terminal;
 mod traces;
+mod verdicts;
 mod why;

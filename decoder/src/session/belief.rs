@@ -6,6 +6,7 @@
 //! random traffic must not become a CANopen network; a machine recorded between two heartbeats must.
 
 use super::ProtocolChoice;
+use crate::words::plural;
 
 /// Frames on PDO and EMCY identifiers that need some evidence beside them.
 const UNSUPPORTED_LIMIT: u32 = 1_000;
@@ -143,12 +144,16 @@ impl Belief {
     pub(super) fn reason(&self) -> String {
         if self.contradictions >= CONTRADICTION_LIMIT {
             let count = self.contradictions;
-            format!("{count} frames contradict it (identifier 000 not of 2 bytes, or 701 to 77F not of 1)")
+            format!(
+                "contradicted by {} (identifier 000 not of 2 bytes, or 701 to 77F not of 1)",
+                plural(count, "frame")
+            )
         } else {
             let (frames, nodes) = (self.unsupported, self.unsupported_nodes.count_ones());
             format!(
-                "no heartbeat, NMT command or SDO answer beside {frames} frames on PDO and EMCY identifiers of \
-                 {nodes} node-IDs"
+                "no heartbeat, NMT command or SDO answer beside {} on PDO and EMCY identifiers of {}",
+                plural(frames, "frame"),
+                plural(nodes, "node-ID")
             )
         }
     }

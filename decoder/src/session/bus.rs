@@ -19,6 +19,7 @@ use crate::profile::dbc::Database;
 use crate::wire::canopen::sdo::Side;
 use crate::wire::error_frame;
 use crate::wire::{NODE_PLACES, NodeId};
+use crate::words::plural;
 
 /// Everything remembered about one bus. A clone is a checkpoint.
 #[derive(Debug, Clone)]
@@ -169,9 +170,9 @@ impl Bus {
         let (count, extended) = self.undecoded;
         if count > 0 {
             let frame = Frame { number: self.last_frame, time: self.last_time, ..Frame::EMPTY };
-            let text = format!(
-                "{count} frames belong to no known service ({extended} of them 29-bit): --frames prints them"
-            );
+            let frames = plural(count, "frame");
+            let text =
+                format!("{frames} of no known service ({extended} of them 29-bit): --frames prints them");
             self.note(&frame, text, out);
         }
     }

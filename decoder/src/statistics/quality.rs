@@ -3,6 +3,7 @@
 use crate::event::{Event, EventKind};
 use crate::frame::{Frame, FrameFlags};
 use crate::profile;
+use crate::words::plural;
 
 /// Frames from which the stamps are judged.
 const JUDGED: u64 = 1_000;
@@ -102,7 +103,7 @@ impl Quality {
         }
         match self.lost {
             0 => {}
-            lost => limits.push(format!("the recorder lost {}", counted(lost, "frame"))),
+            lost => limits.push(format!("the recorder lost {}", plural(lost, "frame"))),
         }
         match self.unreadable {
             0 => {}
@@ -117,7 +118,7 @@ impl Quality {
             steps => limits.push(format!("stamps went back {steps} times, by {largest} at most")),
         }
         if self.error_frames > 0 {
-            limits.push(counted(self.error_frames, "error frame"));
+            limits.push(plural(self.error_frames, "error frame"));
         }
         limits
     }
@@ -158,10 +159,6 @@ impl Stamps {
         self.last = stamp;
         self.count += 1;
     }
-}
-
-fn counted(count: u64, what: &str) -> String {
-    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
 /// A span of time as people say it: in the largest unit of which it has one or more, with three digits.

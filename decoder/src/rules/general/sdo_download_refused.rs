@@ -8,6 +8,7 @@ use crate::query::record;
 use crate::rules::declaration::declare_rule;
 use crate::rules::{Context, NodeMap, Rule, Setup};
 use crate::wire::canopen::ObjectAddress;
+use crate::words::plural;
 
 declare_rule! {
     /// # What it checks
@@ -75,7 +76,7 @@ fn value(transfer: &SdoTransfer) -> String {
         Some(meaning) if !transfer.truncated && !transfer.data.is_empty() => {
             meaning.show(&meaning.decode(&transfer.data))
         }
-        _ => format!("{} bytes", transfer.size),
+        _ => plural(transfer.size, "byte"),
     }
 }
 

@@ -8,6 +8,7 @@ use crate::profile::DataType;
 use crate::rules::declaration::declare_rule;
 use crate::rules::{Context, Rule, Setup};
 use crate::session::TRANSFER_DATA_LIMIT;
+use crate::words::plural;
 
 declare_rule! {
     /// # What it checks
@@ -55,7 +56,7 @@ impl Rule for SdoSize {
                 return context.pass();
             }
             let alarm = context.fail(event).about(about(transfer));
-            return alarm.say(|| format!("{size} bytes transferred, {announced} announced"));
+            return alarm.say(|| format!("{} transferred, {announced} announced", plural(size, "byte")));
         }
         let Some(wanted) = bytes_of_type(event, transfer, context) else { return };
         // Four bytes of an expedited answer may mean that their number is not told.
@@ -63,7 +64,7 @@ impl Rule for SdoSize {
             return context.pass();
         }
         let alarm = context.fail(event).about(about(transfer)).severity(Severity::Note);
-        alarm.say(|| format!("{size} bytes read, its type has {wanted}"));
+        alarm.say(|| format!("{} read, its type has {wanted}", plural(size, "byte")));
     }
 }
 

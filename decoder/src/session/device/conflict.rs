@@ -13,6 +13,7 @@ use crate::session::routes::Service;
 use crate::session::{Bus, CONFLICT_LIMIT, OBJECT_LIMIT, Observer, OriginKind};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
+use crate::words::plural;
 
 /// Objects that say what a device is, and never change (CiA 301 §7.5.2.1, §7.5.2.21).
 const DEVICE_TYPE: ObjectAddress = ObjectAddress::new(0x1000, 0);
@@ -123,7 +124,7 @@ fn wrong_size(object: &DeviceObject, value: &[u8], source: &str) -> Option<(Vec<
     let length = usize::from(data_type.bits()?.div_ceil(8));
     let fits =
         value.split_at_checked(length).is_some_and(|(_, padding)| padding.iter().all(|byte| *byte == 0));
-    let bytes = |count: usize| if count == 1 { "1 byte".to_owned() } else { format!("{count} bytes") };
+    let bytes = |count: usize| plural(count, "byte");
     let text = format!(
         "{} by the {source}, which has {}, but {} came",
         data_type.name(),

@@ -212,7 +212,7 @@ impl Page<'_> {
             }
             row.push(judged.verdicts(Verdict::Pass).to_string());
             row.push(judged.verdicts(Verdict::NotExercised).to_string());
-            row.push(verdict(judged.outcome(report.least)).to_owned());
+            row.push(verdict(judged.outcome(report.least), judged).to_owned());
             table.row(row);
         }
         table.write(0, self.out);
@@ -251,8 +251,11 @@ pub(super) fn total(report: &Report) -> String {
     text
 }
 
-const fn verdict(outcome: Outcome) -> &'static str {
+/// What is not exercised has not passed.
+fn verdict(outcome: Outcome, judged: &Judged) -> &'static str {
+    let is_exercised = judged.rules().any(|(_, tally)| tally.verdict() != Verdict::NotExercised);
     match outcome {
+        Outcome::Passed if !is_exercised => "nothing judged",
         Outcome::Passed => "passed",
         Outcome::Failed => "FAILED",
         Outcome::Unreadable => "UNREADABLE",

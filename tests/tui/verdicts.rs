@@ -1,0 +1,23 @@
+//! What counts as judged, and as passed.
+
+use crate::cli::run;
+
+#[test]
+fn a_case_of_the_test_plan_passes_only_where_the_capture_shows_it() {
+    // Heartbeats alone: their time is judged (7.102), no PDO was ever sent in any state (3.4 to 3.20).
+    let table = run(&["check", "--coverage", "fixtures/canopen/heartbeat_lost.log"], "").stdout;
+    let verdict =
+        |case: &str| table.lines().find(|line| line.starts_with(&format!("{case} "))).map(str::to_owned);
+    assert!(verdict("7.102").unwrap().contains("fail"), "{table}");
+    for case in ["3.4", "3.9", "3.20", "9.2", "10.2"] {
+        assert!(verdict(case).unwrap().contains("not exercised"), "{table}");
+    }
+}
+
+#[test]
+fn a_capture_of_which_nothing_was_judged_has_not_passed() {
+    let output = run(&["check", "-"], "(1.0) can0 555#01\n(2.0) can0 555#02\n");
+    let row = output.stdout.lines().find(|line| line.starts_with("- ")).unwrap();
+    assert!(row.ends_with("nothing judged"), "{}", output.stdout);
+    assert_eq!(output.code, 0);
+}
