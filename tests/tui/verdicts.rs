@@ -21,3 +21,16 @@ fn a_capture_of_which_nothing_was_judged_has_not_passed() {
     assert!(row.ends_with("nothing judged"), "{}", output.stdout);
     assert_eq!(output.code, 0);
 }
+
+#[test]
+fn what_was_found_by_taking_a_bus_for_canopen_is_forgotten_where_it_is_none() {
+    let lines = |seconds: u32| {
+        (0..seconds).map(|t| format!("({t}.0) can0 588#0102\n({t}.5) can0 1A0#00\n")).collect::<String>()
+    };
+    // Two bytes are no SDO message, if this is CANopen; after 100 frames without any sign of it it is not.
+    let early = run(&["check", "-"], &lines(5)).stdout;
+    assert!(early.contains("[malformed-message]"), "{early}");
+    let late = run(&["check", "-"], &lines(100)).stdout;
+    assert!(!late.contains("[malformed-message]"), "{late}");
+    assert!(run(&["stats", "-"], &lines(100)).stdout.contains("not CANopen"));
+}

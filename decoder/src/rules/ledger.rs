@@ -95,6 +95,8 @@ pub(super) struct Ledger {
     pub(super) news: Vec<News>,
     /// Why rules had nothing to judge.
     unexercised: Vec<(u16, String)>,
+    /// Buses that turned out not to be CANopen.
+    doubted: Vec<BusIndex>,
 }
 
 impl Ledger {
@@ -115,6 +117,7 @@ impl Ledger {
             run: Run::default(),
             news: Vec::new(),
             unexercised: Vec::new(),
+            doubted: Vec::new(),
         }
     }
 
@@ -315,6 +318,9 @@ impl Ledger {
 
     /// Closes all that is open.
     pub(super) fn close_all(&mut self, bus: &Bus) {
+        if bus.doubt().is_some() {
+            self.doubted.push(bus.index());
+        }
         let at = occurrence(bus.stamp_of(bus.now()), FrameRange::one(bus.last_frame()));
         for place in 0..self.groups.len() {
             if self.groups.get(place).is_some_and(|group| group.key.bus == bus.index()) {

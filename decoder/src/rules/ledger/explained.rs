@@ -8,6 +8,9 @@ use crate::frame::Timestamp;
 use crate::rules::causes::{CauseEntry, Effect, Explained, causes};
 use crate::rules::conformance::Standing;
 
+/// Why a finding is less severe before the bus has shown what it speaks.
+pub(super) const PRESUMED: &str = "the protocol is presumed only";
+
 impl Ledger {
     /// How bad it is after what explains it, why less than its rule says, and what explains it.
     pub(super) fn severity(
@@ -33,7 +36,7 @@ impl Ledger {
         }
         if claim.is_presumed {
             severity = severity.lowered();
-            reason.get_or_insert_with(|| "the protocol is presumed only".to_owned());
+            reason.get_or_insert_with(|| PRESUMED.to_owned());
         }
         (severity, reason, explained)
     }

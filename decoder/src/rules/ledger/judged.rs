@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::Ledger;
+use super::explained::PRESUMED;
 use crate::finding::{Findings, Tally, Verdict};
 
 impl Ledger {
@@ -10,6 +11,7 @@ impl Ledger {
     pub(in crate::rules) fn into_findings(mut self, is_timed: bool, mut quality: Vec<String>) -> Findings {
         self.link_late_causes();
         self.say_unexercised(&mut quality);
+        self.forget_presumed();
         if !is_timed {
             let judges_time =
                 |rule: u16| self.rules.get(usize::from(rule)).is_some_and(|rule| rule.is_timing);
@@ -44,6 +46,18 @@ impl Ledger {
             suppressions,
             conformance,
         }
+    }
+
+    /// What was found by taking a bus for CANopen that turned out to be none is no finding.
+    fn forget_presumed(&mut self) {
+        let Self { groups, tallies, doubted, .. } = self;
+        groups.retain(|group| {
+            let is_one = doubted.contains(&group.key.bus) && group.downgraded.as_deref() == Some(PRESUMED);
+            if is_one && let Some(tally) = tallies.get_mut(usize::from(group.key.rule)) {
+                tally.failed = tally.failed.saturating_sub(group.count);
+            }
+            !is_one
+        });
     }
 
     /// What is said of rules that had nothing to judge.
