@@ -34,3 +34,17 @@ fn what_was_found_by_taking_a_bus_for_canopen_is_forgotten_where_it_is_none() {
     assert!(!late.contains("[malformed-message]"), "{late}");
     assert!(run(&["stats", "-"], &lines(100)).stdout.contains("not CANopen"));
 }
+
+#[test]
+fn stamps_that_are_made_up_let_no_time_run_out() {
+    let line =
+        |(number, what): (u32, &str)| format!("({}.{:03}) can0 {what}\n", number / 1_000, number % 1_000);
+    let frames =
+        (0..3_000).map(|number| (number, if number == 500 { "605#4018100100000000" } else { "701#05" }));
+    let output = run(&["decode", "-"], &frames.map(line).collect::<String>()).stdout;
+    assert!(
+        output.contains("NOTE   all stamps lie equally far apart, as if made up: no time limit"),
+        "{output}"
+    );
+    assert!(output.contains("unfinished when the capture ends"), "{output}");
+}

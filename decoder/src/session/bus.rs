@@ -67,6 +67,7 @@ pub(super) struct Said {
     pub(super) fd: bool,
     pub(super) extended_full: bool,
     pub(super) fast_packets: bool,
+    pub(super) made_up: bool,
 }
 
 impl Bus {

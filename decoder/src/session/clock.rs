@@ -9,6 +9,9 @@ const JITTER: i64 = 1_000_000_000;
 /// Periodic messages that make a pattern.
 const PATTERN: u32 = 256;
 
+/// Equal intervals between stamps from which they count as made up. Whoever judges a whole capture wants more of them.
+const MADE_UP: u32 = 256;
+
 /// Bounds of the silence limit in nanoseconds.
 const SHORTEST_SILENCE: i64 = 200_000_000;
 const LONGEST_SILENCE: i64 = 10_000_000_000;
@@ -22,6 +25,15 @@ pub(super) struct Clock {
     /// Time of the last frame; without frames time may have gone on.
     heard: i64,
     periodic: Periodic,
+    steps: Steps,
+}
+
+/// The first intervals between stamps: one and the same are made up by the recorder, and no deadline.
+#[derive(Debug, Clone, Default)]
+struct Steps {
+    interval: i64,
+    count: u32,
+    have_varied: bool,
 }
 
 #[derive(Debug, Clone, Default)]
@@ -53,6 +65,9 @@ impl Clock {
             (self.now, self.heard) = (stamp.0, stamp.0);
             return Advance { now: self.now, step: None, silence: None };
         };
+        if !self.steps.have_varied {
+            self.steps.add(stamp.0.saturating_sub(last_stamp));
+        }
         let mut step = None;
         if stamp.0 < last_stamp {
             let difference = stamp.0.saturating_sub(last_stamp);
@@ -109,6 +124,11 @@ impl Clock {
         self.last_stamp.is_some()
     }
 
+    /// Whether all stamps so far lie equally far apart: they are made up, and time says nothing.
+    pub(super) fn is_made_up(&self) -> bool {
+        !self.steps.have_varied && self.steps.count >= MADE_UP
+    }
+
     /// A message that comes by itself (PDO, SYNC, heartbeat, guarding) was seen now.
     #[inline]
     pub(super) fn saw_periodic(&mut self) {
@@ -126,6 +146,16 @@ impl Clock {
             periodic.longest = 0;
             periodic.count = 1;
         }
+    }
+}
+
+impl Steps {
+    #[cold]
+    fn add(&mut self, interval: i64) {
+        // Stamps that stand still are those of a burst, or of a recorder that has none.
+        self.have_varied = interval <= 0 || self.count > 0 && interval != self.interval;
+        self.interval = interval;
+        self.count = self.count.saturating_add(1);
     }
 }
 

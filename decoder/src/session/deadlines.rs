@@ -3,7 +3,7 @@
 use super::timers::Subject;
 use super::{Bus, Observer};
 use crate::event::{Event, EventKind, FrameRange, Protocol};
-use crate::frame::Timestamp;
+use crate::frame::{Frame, Timestamp};
 
 impl Bus {
     #[inline]
@@ -80,6 +80,14 @@ impl Bus {
     /// Handles every deadline before `now`.
     #[cold]
     fn expire(&mut self, now: i64, out: &mut dyn Observer) {
+        if self.clock.is_made_up() {
+            if !std::mem::replace(&mut self.said.made_up, true) {
+                let frame = Frame { number: self.last_frame, time: self.last_time, ..Frame::EMPTY };
+                let text = "all stamps lie equally far apart, as if made up: no time limit is judged by them";
+                self.note(&frame, text.into(), out);
+            }
+            return;
+        }
         while let Some((_, subject)) = self.timers.take_due(now) {
             match subject {
                 Subject::SdoChannel(channel) => self.sdo_deadline(channel, now, out),
