@@ -25,7 +25,8 @@ fn a_capture_of_which_nothing_was_judged_has_not_passed() {
 #[test]
 fn what_was_found_by_taking_a_bus_for_canopen_is_forgotten_where_it_is_none() {
     let lines = |seconds: u32| {
-        (0..seconds).map(|t| format!("({t}.0) can0 588#0102\n({t}.5) can0 1A0#00\n")).collect::<String>()
+        let line = |t: u32| format!("({t}.0) can0 588#0102\n({t}.5) can0 1A0#00\n");
+        (0..seconds).map(line).collect::<Vec<_>>().concat()
     };
     // Two bytes are no SDO message, if this is CANopen; after 100 frames without any sign of it it is not.
     let early = run(&["check", "-"], &lines(5)).stdout;
@@ -41,7 +42,7 @@ fn stamps_that_are_made_up_let_no_time_run_out() {
         |(number, what): (u32, &str)| format!("({}.{:03}) can0 {what}\n", number / 1_000, number % 1_000);
     let frames =
         (0..3_000).map(|number| (number, if number == 500 { "605#4018100100000000" } else { "701#05" }));
-    let output = run(&["decode", "-"], &frames.map(line).collect::<String>()).stdout;
+    let output = run(&["decode", "-"], &frames.map(line).collect::<Vec<_>>().concat()).stdout;
     assert!(
         output.contains("NOTE   all stamps lie equally far apart, as if made up: no time limit"),
         "{output}"
