@@ -16,8 +16,9 @@ use crate::sink::escape;
 const SCHEMA: &str =
     "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json";
 
-/// Name of the fingerprint.
-const FINGERPRINT: &str = "cobscopeGroup/v1";
+/// Names of the fingerprint: ours, and the only one GitHub looks at. Without that it would take a hash of the line, which
+/// holds a time stamp and is another one in each recording.
+const FINGERPRINTS: [&str; 2] = ["cobscopeGroup/v1", "primaryLocationLineHash"];
 
 #[derive(Serialize)]
 #[serde(rename_all = "camelCase")]
@@ -186,7 +187,10 @@ fn result(
         message: json!({"text": text}),
         locations: [location(group, judged, place, group.began(), None)],
         related_locations: related,
-        partial_fingerprints: json!({FINGERPRINT: escape(&group.fingerprint())}),
+        partial_fingerprints: FINGERPRINTS
+            .map(|name| (name, escape(&group.fingerprint()).into_owned()))
+            .into_iter()
+            .collect(),
         baseline_state: has_baseline.then_some(state),
         suppressions: suppressions.into_iter().collect(),
         properties: json!({"count": group.count, "standing": standing.name()}),
