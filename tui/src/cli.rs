@@ -67,6 +67,10 @@ pub enum Command {
     )]
     Live(Box<LiveArgs>),
     /// Print what happened, one event a line
+    ///
+    /// Columns: seconds from the first frame, node (or who to whom), kind, what happened, {frames}. What is marked ? is not
+    /// proven. Lines of all buses but the first begin with the bus's name. Repetitions (heartbeats, SYNC, PDOs that did not
+    /// change) are left out; --all prints them.
     #[command(after_help = notes::DECODE)]
     Decode(DecodeArgs),
     /// Write captures in another format, whole or cut: one file, or several by size or event
