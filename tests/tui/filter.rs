@@ -219,6 +219,8 @@ fn what_can_never_match_is_refused() {
             &["--filter", "rule == node-los"][..],
             "--filter: there is no rule 'node-los'; did you mean 'node-lost'?",
         ),
+        (&["--filter", "node == 5 || !(rule in {node-lost, emcy-rased})"], "there is no rule 'emcy-rased'"),
+        (&["--filter", "rule != node-los"], "there is no rule 'node-los'"),
         (&["--filter", "kind == pdo && pdo == TPD1"], "pdo is never 'TPD1'; did you mean TPDO1?"),
         (&["--from", "5", "--to", "3"], "--from is behind --to: nothing lies between them"),
         (&["--from", "#5", "--to", "#3"], "--from is behind --to: nothing lies between them"),

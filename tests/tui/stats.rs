@@ -224,3 +224,44 @@ fn an_error_code_has_the_name_the_device_gives_it() {
     let known = of(&["--node", "2=danfoss-pve-ci"]);
     assert!(known.contains("EMCY 8305 spool position error: 1"), "{known}");
 }
+
+#[test]
+fn only_what_lies_between_the_bounds_is_counted() {
+    let log = every_millisecond(10, "123#00");
+    let counted = |bounds: &[&str]| {
+        let output = run(&[&["stats", "-f", "json", "-"], bounds].concat(), &log);
+        assert_eq!(output.code, 0, "{}", output.stderr);
+        let all: Value = serde_json::from_str(&output.stdout).unwrap();
+        (all["frames"].as_u64().unwrap(), output.stderr)
+    };
+    assert_eq!(counted(&["--from", "0.002", "--to", "0.004"]), (3, String::new()));
+    assert_eq!(counted(&["--from", "#3"]), (8, String::new()));
+    let (frames, said) = counted(&["--from", "9"]);
+    assert_eq!(
+        (frames, said.as_str()),
+        (0, "cobscope: -: nothing is as late as --from: its last frame is #10 at 0.009 s\n")
+    );
+    assert_eq!(run(&["stats", "--from", "5", "--to", "3", "-"], &log).code, 2);
+}
+
+#[test]
+fn uds_that_nobody_named_is_seen_by_its_answers() {
+    // Two requests for a session (10 03) with their answers (50 03 …).
+    let log = "(1700000000.000000) can0 7E0#0210030000000000\n(1700000000.010000) can0 7E8#065003003201F400\n\
+               (1700000001.000000) can0 7E0#0210030000000000\n(1700000001.010000) can0 7E8#065003003201F400\n";
+    let hint = "7E8 answers 7E0 as UDS does: named under [[uds]] in a bus file (--bus), request = \"7E0\", response = \
+                \"7E8\", they are decoded";
+    let text = run(&["stats", "-"], log).stdout;
+    assert!(text.contains("bus can0  no sign of CANopen, J1939 or UDS\n"), "{text}");
+    assert!(
+        text.contains(&format!("          4 frames of no known service, 0 malformed\n          {hint}\n"))
+    );
+    assert!(run(&["why", "-"], log).stdout.contains(&format!("CANopen: no sign of it; {hint}\n")));
+    assert!(run(&["decode", "-"], log).stdout.contains(&format!("NOTE   {hint} {{4}}\n")));
+
+    let folder = tempfile::tempdir().unwrap();
+    let bus = folder.path().join("bus.toml");
+    std::fs::write(&bus, "[[uds]]\nrequest = \"7E0\"\nresponse = \"7E8\"\n").unwrap();
+    let text = run(&["stats", "--bus", bus.to_str().unwrap(), "-"], log).stdout;
+    assert!(text.contains("bus can0  UDS\n") && !text.contains("of no known service"), "{text}");
+}

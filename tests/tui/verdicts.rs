@@ -49,3 +49,23 @@ fn stamps_that_are_made_up_let_no_time_run_out() {
     );
     assert!(output.contains("unfinished when the capture ends"), "{output}");
 }
+
+#[test]
+fn a_note_fails_where_it_is_asked_to() {
+    // One PDO is longer than its mapping, which is a note.
+    let code = |least: &str| run(&["check", "--fail-on", least, "fixtures/rules/pdo-long.log"], "").code;
+    assert_eq!(["error", "warning", "note", "never"].map(code), [0, 0, 1, 0]);
+}
+
+#[test]
+fn a_late_heartbeat_is_no_lost_node() {
+    let text = run(&["decode", "--filter", "kind == finding-opened", "fixtures/rules/node-lost.log"], "").stdout;
+    let words: Vec<_> = text.lines().filter_map(|line| line.split_whitespace().nth(2)).collect();
+    assert_eq!(words, ["LATE", "LOST"], "{text}");
+}
+
+#[test]
+fn a_finding_names_the_rules_it_stands_for() {
+    let text = run(&["check", "fixtures/rules/store-not-effective.log"], "").stdout;
+    assert!(text.contains("\n         stands for 1 finding of other rules too: read-back\n"), "{text}");
+}

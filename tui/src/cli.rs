@@ -195,6 +195,12 @@ pub struct StatsArgs {
     /// Bit rate for the load in %: 250k, 1M or 250000, of one bus or all (repeatable)
     #[arg(long, value_name = "[BUS:]RATE")]
     pub bitrate: Vec<BitRate>,
+    /// Count only from WHEN on: 12.5 (seconds from the first frame), #1234 (frame), a date and time
+    #[arg(long, value_name = "WHEN")]
+    pub from: Option<Bound>,
+    /// Count only up to WHEN, given as with --from; nodes and their states stay those of the whole capture
+    #[arg(long, value_name = "WHEN")]
+    pub to: Option<Bound>,
     /// Output format
     #[arg(short, long, value_name = "FORMAT", default_value = "text")]
     pub format: ReportFormat,

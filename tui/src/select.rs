@@ -124,6 +124,14 @@ impl Selection {
         Ok(Self { filter: filter.clone(), from: *from, to: *to, ..Self::default() })
     }
 
+    /// Between two bounds.
+    ///
+    /// # Errors
+    /// When nothing can lie between them.
+    pub fn between(from: Option<Bound>, to: Option<Bound>) -> anyhow::Result<Self> {
+        Self::new(&SelectArgs { filter: None, from, to })
+    }
+
     /// Whether a filter chooses.
     pub fn has_filter(&self) -> bool {
         self.filter.is_some()
@@ -170,6 +178,13 @@ impl Selection {
         is_late_enough
             && is_early_enough
             && self.filter.as_ref().is_none_or(|filter| filter.matches(event, bus, self.capture.as_deref()))
+    }
+
+    /// Whether a frame lies between the bounds.
+    pub fn admits_frame(&mut self, frame: &Frame) -> bool {
+        let is_late_enough = !self.from.is_some_and(|from| from.is_behind(frame, self.first));
+        self.is_reached |= is_late_enough;
+        is_late_enough && !self.to.is_some_and(|to| to.is_before(frame, self.first))
     }
 
     /// On which side of a bound an event is; nothing for an event without time at a bound with one.

@@ -13,12 +13,12 @@ use crate::figures::{bits, millis, seconds, tenths};
 
 /// What a bus is taken for, and why not for CANopen.
 pub fn protocols(bus: &Bus) -> String {
-    match (bus.is_canopen(), bus.doubt()) {
-        (true, _) if bus.is_j1939() => "CANopen and J1939".to_owned(),
-        (true, _) => "CANopen".to_owned(),
-        (false, _) if bus.is_j1939() => "J1939".to_owned(),
-        (false, Some(reason)) => format!("not CANopen: {reason}"),
-        (false, None) => "no sign of CANopen".to_owned(),
+    let seen = [(bus.is_canopen(), "CANopen"), (bus.is_j1939(), "J1939"), (bus.is_uds(), "UDS")];
+    let seen: Vec<_> = seen.iter().filter(|(is_seen, _)| *is_seen).map(|(_, name)| *name).collect();
+    match (seen.as_slice(), bus.doubt()) {
+        ([], Some(reason)) => format!("not CANopen: {reason}"),
+        ([], None) => "no sign of CANopen, J1939 or UDS".to_owned(),
+        (seen, _) => seen.join(" and "),
     }
 }
 

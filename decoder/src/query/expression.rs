@@ -93,6 +93,18 @@ impl Question {
             _ => None,
         }
     }
+
+    /// Values a field is said to equal or not to equal.
+    fn compared(&self) -> Vec<&str> {
+        match self {
+            Self::Compare(Relation::Equal | Relation::NotEqual, value) => vec![&value.text],
+            Self::In(members) => {
+                let single = members.iter().filter(|member| member.to.is_none());
+                single.map(|member| member.from.text.as_str()).collect()
+            }
+            _ => Vec::new(),
+        }
+    }
 }
 
 impl Expression {
@@ -106,6 +118,18 @@ impl Expression {
                 }
             }
             Self::Or(_) | Self::Not(_) | Self::Test { .. } => {}
+        }
+    }
+
+    /// Values that fields of these names are compared with, wherever in it.
+    pub(super) fn compared<'a>(&'a self, is_meant: &dyn Fn(&str) -> bool, found: &mut Vec<&'a str>) {
+        match self {
+            Self::And(parts) | Self::Or(parts) => {
+                parts.iter().for_each(|part| part.compared(is_meant, found));
+            }
+            Self::Not(inner) => inner.compared(is_meant, found),
+            Self::Test { field, question } if is_meant(&field.text) => found.extend(question.compared()),
+            Self::Test { .. } => {}
         }
     }
 }

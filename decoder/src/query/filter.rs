@@ -102,11 +102,21 @@ impl Filter {
     /// Values a field must have for the filter to match, as they are written.
     pub fn required(&self, key: &str) -> Vec<&str> {
         let mut found = Vec::new();
-        self.0
-            .written
-            .required(&|name| resolve(name).iter().any(|target| target.field.key == key), &mut found);
+        self.0.written.required(&|name| is_name_of(name, key), &mut found);
         found
     }
+
+    /// Values a field is compared with by `==`, `!=` or `in`, anywhere in the filter, as they are written.
+    pub fn compared(&self, key: &str) -> Vec<&str> {
+        let mut found = Vec::new();
+        self.0.written.compared(&|name| is_name_of(name, key), &mut found);
+        found
+    }
+}
+
+/// Whether a field that is named so in a filter may be the one with this key.
+fn is_name_of(name: &str, key: &str) -> bool {
+    resolve(name).iter().any(|target| target.field.key == key)
 }
 
 /// By what is written, not by what is meant.

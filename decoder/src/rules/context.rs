@@ -137,6 +137,7 @@ pub struct Alarm<'b, 'a> {
     about: About,
     severity: Option<Severity>,
     measure: Option<f64>,
+    word: Option<&'static str>,
     is_ongoing: bool,
     is_presumed: bool,
     at: Occurrence,
@@ -150,6 +151,7 @@ impl<'b, 'a> Alarm<'b, 'a> {
             about: About::Whole,
             severity: None,
             measure: None,
+            word: None,
             is_ongoing: false,
             is_presumed,
             at,
@@ -180,6 +182,12 @@ impl<'b, 'a> Alarm<'b, 'a> {
         self
     }
 
+    /// Other than the rule's own word, where a group says something else than the rule's others do.
+    pub fn word(mut self, word: &'static str) -> Self {
+        self.word = Some(word);
+        self
+    }
+
     /// Other frames than the event's.
     pub fn frames(mut self, frames: FrameRange) -> Self {
         self.at.frames = frames;
@@ -206,7 +214,7 @@ impl<'b, 'a> Alarm<'b, 'a> {
 
     /// Tells it. The text is made only where it is kept: of the first, and of each that is worse.
     pub fn say(self, text: impl FnOnce() -> String) {
-        let Self { context, node, about, severity, measure, is_ongoing, is_presumed, at } = self;
+        let Self { context, node, about, severity, measure, word, is_ongoing, is_presumed, at } = self;
         let (rule, bus) = (context.rule, context.bus);
         let known = node.and_then(|node| bus.node(node));
         if let (Some(node), Some(info)) = (known, context.ledger.rules.get(usize::from(rule)))
@@ -218,6 +226,7 @@ impl<'b, 'a> Alarm<'b, 'a> {
             key: Key { rule, bus: bus.index(), node, about },
             severity,
             measure,
+            word,
             is_ongoing,
             is_presumed,
             now: context.now,

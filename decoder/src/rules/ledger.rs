@@ -30,6 +30,8 @@ pub(super) struct Claim {
     pub(super) key: Key,
     pub(super) severity: Option<Severity>,
     pub(super) measure: Option<f64>,
+    /// Other than the rule's own.
+    pub(super) word: Option<&'static str>,
     pub(super) is_ongoing: bool,
     pub(super) is_presumed: bool,
     pub(super) now: i64,
@@ -49,6 +51,8 @@ struct Course {
     worst: f64,
     /// What is said of it now.
     said: String,
+    /// Its word in the lines of events, other than the rule's own.
+    word: Option<&'static str>,
 }
 
 /// A group opened or closed.
@@ -217,7 +221,7 @@ impl Ledger {
         };
         group.suppressed = self.setup.suppression(&group);
         self.groups.push(group);
-        self.courses.push(Course { worst: f64::NEG_INFINITY, ..Course::default() });
+        self.courses.push(Course { worst: f64::NEG_INFINITY, word: claim.word, ..Course::default() });
         self.by_key.insert(claim.key.clone(), place);
         place
     }
@@ -355,7 +359,7 @@ impl Ledger {
             id: group.id,
             rule: Arc::clone(&rule.name),
             severity: group.severity,
-            word: rule.word,
+            word: course.word.unwrap_or(rule.word),
             text,
             object,
             pgn,

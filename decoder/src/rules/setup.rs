@@ -7,7 +7,7 @@ use super::declaration::Declaration;
 use super::declarations;
 use super::expectation::Expectation;
 use crate::bus_file::{self, BusFile, RuleSettings, Suppression};
-use crate::finding::{Group, RuleInfo, Severity, SuppressionUse};
+use crate::finding::{About, Group, RuleInfo, Severity, SuppressionUse};
 use crate::profile::device::DeviceRule;
 use crate::profile::{Catalogue, TextError};
 use crate::query::fields::distance;
@@ -231,7 +231,17 @@ fn covers(suppression: &Suppression, group: &Group) -> bool {
     *suppression.rule == *group.rule
         && suppression.bus.as_deref().is_none_or(|bus| *bus == *group.bus)
         && suppression.node.is_none_or(|node| group.key.node == Some(node))
-        && suppression.about.as_deref().is_none_or(|about| group.key.about.to_string() == about)
+        && suppression.about.as_deref().is_none_or(|about| is_about(&group.key.about, about))
+}
+
+/// Whether it is what a user writes so: objects in any of their notations, codes and identifiers with `0x` or without.
+fn is_about(about: &About, written: &str) -> bool {
+    let bare = written.strip_prefix("0x").unwrap_or(written);
+    match about {
+        About::Object(object) => written.parse() == Ok(*object),
+        About::Code(_) | About::Id(_) => about.to_string().eq_ignore_ascii_case(bare),
+        _ => about.to_string() == written,
+    }
 }
 
 fn no_tolerance(rule: &str, keys: &[&str], key: &str) -> String {
@@ -284,6 +294,7 @@ fn is_near(known: &str, given: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::wire::canopen::ObjectAddress;
 
     fn setup(text: &str) -> Result<Setup, String> {
         let file = BusFile::parse(text).map_err(|error| error.to_string())?;
@@ -296,6 +307,19 @@ mod tests {
         let declaration = declarations().find(|rule| rule.name == "sdo-no-response").unwrap();
         assert_eq!(setup.nanoseconds(declaration, "warning-ms"), 300_000_000);
         assert_eq!(setup.severity("sdo-no-response"), Some(Severity::Note));
+    }
+
+    #[test]
+    fn what_a_suppression_is_about_is_written_as_people_do() {
+        let object = About::Object(ObjectAddress::new(0x5208, 2));
+        for written in ["5208:02", "5208:2", "0x5208:02", "5208sub2"] {
+            assert!(is_about(&object, written), "{written}");
+        }
+        assert!(!is_about(&object, "5208"));
+        for written in ["FF10", "ff10", "0xFF10"] {
+            assert!(is_about(&About::Code(0xFF10), written), "{written}");
+        }
+        assert!(is_about(&About::Name("lamp".into()), "lamp") && !is_about(&About::Whole, "5208:02"));
     }
 
     #[test]

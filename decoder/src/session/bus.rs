@@ -10,7 +10,7 @@ use super::j1939::{Claims, J1939Belief, Transports};
 use super::node::Node;
 use super::routes::{Origin, Routes, Service};
 use super::timers::Timers;
-use super::uds::UdsState;
+use super::uds::{UdsState, Unnamed};
 use super::{Observer, SessionOptions};
 use crate::event::EventKind;
 use crate::frame::{BusIndex, CanId, Frame, FrameFlags, Timestamp};
@@ -43,6 +43,8 @@ pub struct Bus {
     pub(super) sync: SyncState,
     pub(super) lss: LssState,
     pub(super) uds: UdsState,
+    /// What speaks for UDS that nobody named.
+    pub(super) unnamed: Unnamed,
     pub(super) said: Said,
     /// Frame of the last reset of all nodes: it also means those that were not heard yet.
     pub(super) reset_all: Option<(u64, Restart)>,
@@ -91,6 +93,7 @@ impl Bus {
             sync: SyncState::default(),
             lss: LssState::default(),
             uds: UdsState::default(),
+            unnamed: Unnamed::default(),
             said: Said::default(),
             reset_all: None,
             last_boot: None,
@@ -175,6 +178,9 @@ impl Bus {
             let text =
                 format!("{frames} of no known service ({extended} of them 29-bit): --frames prints them");
             self.note(&frame, text, out);
+            if let Some(hint) = self.unnamed.hint() {
+                self.note(&frame, hint, out);
+            }
         }
     }
 

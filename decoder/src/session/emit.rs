@@ -22,7 +22,11 @@ impl Bus {
         if message.is_none() {
             let (count, extended) = &mut self.undecoded;
             *count += 1;
-            *extended += u64::from(matches!(frame.id, CanId::Extended(_)));
+            match frame.id {
+                CanId::Extended(_) => *extended += 1,
+                CanId::Standard(_) if is_data => self.unnamed.take(frame),
+                CanId::Standard(_) => {}
+            }
         }
         let is_known = message.is_some();
         let kind = EventKind::Frame(Undecoded { frame: *frame, name, message });

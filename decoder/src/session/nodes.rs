@@ -165,6 +165,16 @@ impl Bus {
         (self.belief.standing() == Standing::Doubted).then(|| self.belief.reason())
     }
 
+    /// Whether a request of UDS was answered on it.
+    pub fn is_uds(&self) -> bool {
+        self.uds.is_spoken()
+    }
+
+    /// What a user may tell of identifiers that nobody explained, where their frames look like UDS.
+    pub fn unnamed_uds(&self) -> Option<String> {
+        self.unnamed.hint()
+    }
+
     /// Bytes of its own, stores shared with checkpoints apart.
     pub fn footprint(&self) -> usize {
         size_of::<Self>()

@@ -237,10 +237,10 @@ impl Why {
         for watch in &self.buses {
             let Some(bus) = find(buses, watch.index()).filter(|bus| bus.doubt().is_none()) else { continue };
             for (id, node) in watch.nodes().filter(|(id, _)| wanted.is_none_or(|wanted| wanted == *id)) {
-                let is_unknown = bus.node(id).is_some_and(|node| node.assigned().is_none());
-                if is_unknown && asked < SUGGESTED {
+                let unknown = bus.node(id).filter(|node| node.assigned().is_none() && asked < SUGGESTED);
+                if let Some(unknown) = unknown {
                     asked += 1;
-                    found.extend(node.signs.suggestions(watch.index(), id, catalogue));
+                    found.extend(node.signs.suggestions(watch.index(), unknown, catalogue));
                 }
             }
         }
@@ -259,8 +259,9 @@ impl Why {
 
 /// Why a bus is not taken for CANopen; `None` too where it is J1939.
 fn doubt(bus: &Bus) -> Option<String> {
-    let is_other = !bus.is_canopen() && !bus.is_j1939();
-    bus.doubt().filter(|_| is_other).or_else(|| is_other.then(|| "no sign of it".to_owned()))
+    let is_other = !bus.is_canopen() && !bus.is_j1939() && !bus.is_uds();
+    let doubt = is_other.then(|| bus.doubt().unwrap_or_else(|| "no sign of it".to_owned()))?;
+    Some(bus.unnamed_uds().map_or(doubt.clone(), |hint| format!("{doubt}; {hint}")))
 }
 
 /// Whether the protocol that tells of a fault is believed.

@@ -4,6 +4,7 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use cobscope_decoder::finding::Severity;
 
 use super::{Color, InputArgs};
 
@@ -67,15 +68,29 @@ pub enum FindingFormat {
     Github,
 }
 
-/// Findings that make `check` fail.
+/// Findings that make `check` and `live` fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum FailOn {
     /// Errors
     Error,
     /// Errors and warnings
     Warning,
+    /// All
+    Note,
     /// None
     Never,
+}
+
+impl FailOn {
+    /// The least severity that fails.
+    pub fn least(self) -> Option<Severity> {
+        match self {
+            Self::Error => Some(Severity::Error),
+            Self::Warning => Some(Severity::Warning),
+            Self::Note => Some(Severity::Note),
+            Self::Never => None,
+        }
+    }
 }
 
 fn date(text: &str) -> Result<jiff::civil::Date, &'static str> {

@@ -40,7 +40,7 @@ examples! {
         "cobscope convert --split-size 100M a.trc b.trc all.pcapng";
     STATS:
         "cobscope stats customer.log",
-        "cobscope stats --bitrate 250k customer.log",
+        "cobscope stats --from 10 --to 60 --bitrate 250k customer.log",
         "cobscope stats --bitrate can0:250k --bitrate can1:500k -f json customer.log";
     OBJECTS:
         "cobscope objects customer.log",

@@ -105,9 +105,9 @@ pub(super) fn setup(
 /// Holds the rules that a filter names to those there are.
 ///
 /// # Errors
-/// A rule that does not exist, so that nothing could match.
+/// A rule that does not exist: it could match nothing, or all.
 pub(super) fn check_rules_of(filter: Option<&Filter>, setup: &Setup) -> anyhow::Result<()> {
-    let rules = filter.map(|filter| filter.required("rule")).unwrap_or_default();
+    let rules = filter.map(|filter| filter.compared("rule")).unwrap_or_default();
     for rule in rules {
         setup.check_name(rule).map_err(anyhow::Error::msg).context("--filter")?;
     }

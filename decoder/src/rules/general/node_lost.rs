@@ -76,6 +76,7 @@ impl NodeLost {
             .fail(event)
             .about(About::Object(PRODUCER_TIME))
             .severity(severity)
+            .word("LATE")
             .measure(interval / expected)
             .frames(frames)
             .say(|| format!("heartbeat after {interval:.0} ms; 1017:00 says {expected:.0} ms"));

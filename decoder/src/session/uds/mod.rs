@@ -13,6 +13,7 @@ mod link;
 mod reassembly;
 mod talk;
 mod transfer;
+mod unnamed;
 
 use std::sync::Arc;
 
@@ -20,6 +21,7 @@ use exchange::Exchanges;
 pub(in crate::session) use link::{Link, Pairs};
 use reassembly::{Due, Reassembly, Taken};
 use transfer::{Oddity, Transfer};
+pub(in crate::session) use unnamed::Unnamed;
 
 use super::timers::Subject;
 use super::{Bus, OPEN_DATA_LIMIT, Observer, ProtocolChoice};
@@ -43,6 +45,8 @@ pub(in crate::session) struct UdsState {
     exchanges: Exchanges,
     /// A new node-ID a server accepted: in force from its next boot-up on.
     accepted: Option<(NodeId, NodeId)>,
+    /// A request was answered.
+    is_spoken: bool,
 }
 
 impl UdsState {
@@ -54,6 +58,11 @@ impl UdsState {
     /// The pairs of the bus file.
     pub(in crate::session) fn pairs(&self) -> &Pairs {
         &self.pairs
+    }
+
+    /// Whether a request was answered.
+    pub(in crate::session) fn is_spoken(&self) -> bool {
+        self.is_spoken
     }
 
     /// The change of node-ID that was accepted, if it leads to `id`: from where.

@@ -138,6 +138,7 @@ impl Bus {
         let server = answer.link.back();
         let mut frames = answer.transfer.frames;
         if let Some(exchange) = exchange {
+            self.uds.is_spoken = true;
             frames = FrameRange { first: exchange.request.frames.first, last: frames.last };
         }
         let told = self.describe_exchange(server, answer.service, exchange, Some(answer), outcome);

@@ -2,8 +2,10 @@
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
 
 use crate::finding::{Cause, Findings, Group, Severity};
+use crate::words::plural;
 
 /// A finding and what follows from it.
 pub struct Incident<'a> {
@@ -63,16 +65,33 @@ fn below<'a>(
     found
 }
 
-/// Findings the cause of which says the same: how many a group has taken in.
-pub fn absorbed(findings: &Findings) -> BTreeMap<u64, usize> {
-    let mut counts = BTreeMap::new();
-    let all = findings.groups.iter().filter(|group| group.is_absorbed && group.suppressed.is_none());
-    for group in all {
+/// What a group stands for beside itself: findings the cause of which says the same.
+#[derive(Debug, Default)]
+pub struct Absorbed<'a> {
+    /// Findings taken in.
+    pub count: usize,
+    /// Their rules.
+    pub rules: BTreeSet<&'a str>,
+}
+
+impl fmt::Display for Absorbed<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let rules: Vec<_> = self.rules.iter().copied().collect();
+        write!(f, "{} of other rules too: {}", plural(self.count, "finding"), rules.join(", "))
+    }
+}
+
+/// What groups have taken in, by their ids.
+pub fn absorbed(findings: &Findings) -> BTreeMap<u64, Absorbed<'_>> {
+    let mut all: BTreeMap<u64, Absorbed> = BTreeMap::new();
+    for group in findings.groups.iter().filter(|group| group.is_absorbed && group.suppressed.is_none()) {
         if let Some(Cause::Group(id)) = group.cause {
-            *counts.entry(id).or_insert(0) += 1;
+            let absorbed = all.entry(id).or_default();
+            absorbed.count += 1;
+            absorbed.rules.insert(&group.rule);
         }
     }
-    counts
+    all
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 
 use std::fmt::Write as _;
 
-use super::incident::{absorbed, incidents};
+use super::incident::{Absorbed, absorbed, incidents};
 use super::{
     ABSENT, Judged, MISSING, Outcome, Report, SILENT, Standing, moment, notes, seconds, what, when, who,
 };
@@ -118,7 +118,7 @@ impl Page<'_> {
         let absorbed = absorbed(&judged.findings);
         let shown = if self.options.verbose { usize::MAX } else { SHOWN_INCIDENTS };
         for (depth, group) in incidents.iter().take(shown).flat_map(|incident| &incident.groups) {
-            self.group(*depth, group, judged, absorbed.get(&group.id).copied().unwrap_or(0));
+            self.group(*depth, group, judged, absorbed.get(&group.id));
         }
         let rest: usize = incidents.iter().skip(shown).map(|incident| incident.groups.len()).sum();
         if rest > 0 {
@@ -130,7 +130,7 @@ impl Page<'_> {
         }
     }
 
-    fn group(&mut self, depth: usize, group: &Group, judged: &Judged, absorbed: usize) {
+    fn group(&mut self, depth: usize, group: &Group, judged: &Judged, absorbed: Option<&Absorbed>) {
         let who = who(group);
         let gap = if who.is_empty() { "" } else { "  " };
         let text = format!("{who}{gap}{} [{}]", what(group), group.rule);
@@ -138,8 +138,8 @@ impl Page<'_> {
         for note in notes(group, judged.first) {
             self.below(depth, &note);
         }
-        if absorbed > 0 {
-            self.below(depth, &format!("stands for {} of other rules too", plural(absorbed, "finding")));
+        if let Some(absorbed) = absorbed {
+            self.below(depth, &format!("stands for {absorbed}"));
         }
         if self.options.verbose {
             self.occurrences(depth, group, judged);

@@ -8,7 +8,6 @@ use std::io::Write as _;
 use std::sync::Arc;
 
 use anyhow::Context as _;
-use cobscope_decoder::finding::Severity;
 use cobscope_decoder::rules::Setup;
 use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::findings::text::{self, TextOptions};
@@ -17,7 +16,7 @@ use cobscope_decoder::sink::findings::{Report, github, jsonl, junit, sarif};
 use super::input::{catalogue, common_catalogue, options_of, setup};
 use super::output::{ensure_not_read, files_read, output, told};
 use super::{complain, is_colored};
-use crate::cli::{CheckArgs, FailOn, FindingFormat};
+use crate::cli::{CheckArgs, FindingFormat};
 use crate::exit_code::Exit;
 use captures::Source;
 use known::Known;
@@ -61,13 +60,8 @@ fn checked(arguments: &CheckArgs) -> Result<Exit, Refusal> {
     for said in said {
         let _ = writeln!(std::io::stderr(), "cobscope: {said}");
     }
-    let least = match arguments.fail_on {
-        FailOn::Error => Some(Severity::Error),
-        FailOn::Warning => Some(Severity::Warning),
-        FailOn::Never => None,
-    };
     let captures = judged.into_iter().filter_map(|one| one.judged).collect();
-    let mut report = Report { captures, least, ..Report::default() };
+    let mut report = Report { captures, least: arguments.fail_on.least(), ..Report::default() };
     report.require(&arguments.require_exercised);
     known.apply(&mut report, exit).map_err(|error| (Exit::Usage, error))?;
     if report.fails() {

@@ -22,7 +22,7 @@ use cobscope_decoder::words::plural;
 
 use super::pump::{Came, Pump};
 use super::{Refusal, is_down, open, recorder, shown};
-use crate::cli::{FailOn, Format, LiveArgs};
+use crate::cli::{Format, LiveArgs};
 use crate::cmd::input::{check_rules_of, session_options, setup};
 use crate::cmd::is_colored;
 use crate::cmd::output::{files_read, print, told};
@@ -226,7 +226,7 @@ impl Watch {
         let capture = names.join(" ");
         let (frames, first, last) = (self.frames, self.first, self.last);
         let judged = Judged { capture, frames, first, last, findings, ..Judged::default() };
-        let report = Report { captures: vec![judged], least: least(arguments), ..Report::default() };
+        let report = Report { captures: vec![judged], least: arguments.fail_on.least(), ..Report::default() };
         let mut verdict = String::new();
         if arguments.lines.format == Format::Jsonl {
             jsonl::write(&report, &mut verdict);
@@ -237,14 +237,6 @@ impl Watch {
         }
         let exit = if report.fails() { Exit::Findings } else { Exit::Clean };
         exit.max(written).max(print(verdict.as_bytes()))
-    }
-}
-
-fn least(arguments: &LiveArgs) -> Option<Severity> {
-    match arguments.fail_on {
-        FailOn::Error => Some(Severity::Error),
-        FailOn::Warning => Some(Severity::Warning),
-        FailOn::Never => None,
     }
 }
 
@@ -267,7 +259,7 @@ impl Looker {
             engine: judges.then(|| Engine::new(Arc::clone(setup))),
             printer,
             only_findings: arguments.check && !arguments.print,
-            ends_at: least(arguments).filter(|_| arguments.until_finding),
+            ends_at: arguments.fail_on.least().filter(|_| arguments.until_finding),
             has_found: false,
         }
     }

@@ -60,6 +60,7 @@ fn bus_record(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics) -> Val
         "bus": bus.name(),
         "canopen": bus.is_canopen(),
         "j1939": bus.is_j1939(),
+        "uds": bus.is_uds(),
         "doubt": bus.doubt(),
         "bit_rate": report.bit_rate(bus),
         "frames": load.frames,

@@ -12,9 +12,10 @@ use cobscope_decoder::session::{Bus, Observer};
 use cobscope_decoder::statistics::Statistics;
 
 use super::input::warn;
-use super::{Watcher, decode_capture, report, unknown_bus};
+use super::{Watcher, complain, decode_capture, report, unknown_bus};
 use crate::cli::{ReportFormat, StatsArgs};
 use crate::exit_code::Exit;
+use crate::select::{Selection, ensure_order};
 
 /// Figures of one capture and the decoder behind its last frame.
 struct Report<'a> {
@@ -37,14 +38,22 @@ impl Report<'_> {
 
 /// Runs the command.
 pub fn run(arguments: &StatsArgs) -> Exit {
+    if let Err(error) = ensure_order(arguments.from, arguments.to) {
+        complain(&error);
+        return Exit::Usage;
+    }
     report(&arguments.input, |path, options, output| {
-        let mut counting = Counting(Statistics::default());
+        let selection = Selection::between(arguments.from, arguments.to)?;
+        let mut counting = Counting { statistics: Statistics::default(), selection };
         let decoded = decode_capture(path, &arguments.input, options, &mut counting)?;
         let has: Vec<_> = decoded.decoder.buses().iter().map(Bus::name).collect();
         let named = arguments.bitrate.iter().filter_map(|rate| rate.bus.as_deref());
         named.filter_map(|bus| unknown_bus(path, bus, "--bitrate", &has)).for_each(|said| warn(&said));
-        let Counting(statistics) = counting;
+        let Counting { statistics, selection } = counting;
         let capture = path.display().to_string();
+        if let Some(missed) = selection.missed(decoded.decoder.frames(), decoded.decoder.last_time()) {
+            warn(&format!("{capture}: {missed}"));
+        }
         let report =
             Report { capture, format: decoded.format, statistics, decoder: decoded.decoder, arguments };
         match arguments.format {
@@ -56,21 +65,32 @@ pub fn run(arguments: &StatsArgs) -> Exit {
 }
 
 /// Counts frames and events.
-struct Counting(Statistics);
+struct Counting {
+    statistics: Statistics,
+    selection: Selection,
+}
 
 impl Observer for Counting {
-    fn event(&mut self, event: &Event, _: &Bus) {
-        self.0.event(event);
+    fn event(&mut self, event: &Event, bus: &Bus) {
+        if self.selection.admits(event, bus) {
+            self.statistics.event(event);
+        }
     }
 }
 
 impl Watcher for Counting {
+    fn begin(&mut self, first: &Frame) -> anyhow::Result<()> {
+        self.selection.begin(first)
+    }
+
     fn wants_frames(&self) -> bool {
         true
     }
 
     fn frame(&mut self, frame: &Frame, _names: &BusNames) -> bool {
-        self.0.frame(frame);
+        if self.selection.admits_frame(frame) {
+            self.statistics.frame(frame);
+        }
         true
     }
 }

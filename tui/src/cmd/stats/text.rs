@@ -71,6 +71,9 @@ fn load(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics, start: i64, 
             statistics.malformed
         );
     }
+    if let Some(hint) = bus.unnamed_uds() {
+        let _ = writeln!(text, "          {hint}");
+    }
 }
 
 fn master(statistics: &BusStatistics, start: i64, text: &mut String) {

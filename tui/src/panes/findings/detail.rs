@@ -73,11 +73,8 @@ pub(super) fn lines(core: &Core, findings: &Findings, group: &Group) -> Labelled
     if let Some(look) = rule.and_then(|rule| section(&rule.explanation, "What to look at first")) {
         lines.push(labelled("  look first", &one_line(look)));
     }
-    if let Some(taken) = absorbed(findings).get(&group.id) {
-        let rules: Vec<&str> =
-            findings.effects(group.id).filter(|e| e.is_absorbed).map(|e| e.rule.as_ref()).collect();
-        let text = format!("{} of other rules too: {}", plural(*taken, "finding"), rules.join(", "));
-        lines.push(labelled("  stands for", &text));
+    if let Some(absorbed) = absorbed(findings).get(&group.id) {
+        lines.push(labelled("  stands for", &absorbed.to_string()));
     }
     lines.extend(occurrences(core, group));
     if let Some(rule) = rule {
