@@ -59,7 +59,8 @@ fn a_note_fails_where_it_is_asked_to() {
 
 #[test]
 fn a_late_heartbeat_is_no_lost_node() {
-    let text = run(&["decode", "--filter", "kind == finding-opened", "fixtures/rules/node-lost.log"], "").stdout;
+    let text =
+        run(&["decode", "--filter", "kind == finding-opened", "fixtures/rules/node-lost.log"], "").stdout;
     let words: Vec<_> = text.lines().filter_map(|line| line.split_whitespace().nth(2)).collect();
     assert_eq!(words, ["LATE", "LOST"], "{text}");
 }
@@ -68,4 +69,22 @@ fn a_late_heartbeat_is_no_lost_node() {
 fn a_finding_names_the_rules_it_stands_for() {
     let text = run(&["check", "fixtures/rules/store-not-effective.log"], "").stdout;
     assert!(text.contains("\n         stands for 1 finding of other rules too: read-back\n"), "{text}");
+}
+
+#[test]
+fn what_limits_all_captures_is_said_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let bus = folder.path().join("bus.toml");
+    let rule =
+        "[[expect]]\nid = \"x\"\nkind = \"never\"\nreason = \"r\"\nbus = \"can7\"\nwhen = \"kind == emcy\"\n";
+    std::fs::write(&bus, rule).unwrap();
+    let captures = ["fixtures/canopen/emcy.log", "fixtures/canopen/error_frames.log"];
+    let text = run(&["check", "--bus", bus.to_str().unwrap(), captures[0], captures[1]], "").stdout;
+    let said = "quality  x is not exercised: there is no bus 'can7'\n";
+    assert!(text.starts_with(&format!("== all 2 captures\n{said}\n== {} (", captures[0])), "{text}");
+    assert_eq!(text.matches(said).count(), 1, "{text}");
+    // What limits one of them stands with it.
+    assert!(text.contains("0.744 s)\nquality  24 error frames\n"), "{text}");
+    let alone = run(&["check", "--bus", bus.to_str().unwrap(), captures[0]], "").stdout;
+    assert!(alone.starts_with(&format!("== {} (15 frames, 7.000 s)\n{said}", captures[0])), "{alone}");
 }

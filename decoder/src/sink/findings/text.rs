@@ -45,14 +45,24 @@ struct Page<'a> {
 /// Writes everything.
 pub fn write(report: &Report, options: TextOptions, out: &mut String) {
     let mut page = Page { out, options };
+    let common = common_notes(report);
+    page.common(report, &common);
     for judged in &report.captures {
-        page.capture(judged);
+        page.capture(judged, &common);
     }
     page.suppressions(report);
     if options.coverage {
         coverage::write(report, page.out);
     }
     page.summary(report);
+}
+
+/// What limits the verdicts of all captures alike, where there are several.
+fn common_notes(report: &Report) -> Vec<&str> {
+    let [first, others @ ..] = report.captures.as_slice() else { return Vec::new() };
+    let is_common = |note: &&String| others.iter().all(|judged| judged.findings.quality.contains(note));
+    let notes = first.findings.quality.iter().filter(|note| !others.is_empty() && is_common(note));
+    notes.map(String::as_str).collect()
 }
 
 impl Page<'_> {
@@ -83,14 +93,14 @@ impl Page<'_> {
     }
 
     /// One capture; nothing of one that there is nothing to say of.
-    fn capture(&mut self, judged: &Judged) {
+    fn capture(&mut self, judged: &Judged, common: &[&str]) {
         let start = self.out.len();
         let duration = judged.first.zip(judged.last).map(|(first, last)| seconds(last.since(first)));
         let duration = duration.map_or_else(String::new, |duration| format!(", {duration}"));
         let frames = usize::try_from(judged.frames).unwrap_or(usize::MAX);
         self.line(BOLD, &format!("== {} ({}{duration})", judged.capture, plural(frames, "frame")));
         let behind_heading = self.out.len();
-        self.quality(judged);
+        self.quality(judged, common);
         self.incidents(judged);
         conformance::write(judged, self.out);
         self.baseline(judged);
@@ -104,11 +114,20 @@ impl Page<'_> {
         }
     }
 
-    fn quality(&mut self, judged: &Judged) {
+    /// What is said once instead of for each capture.
+    fn common(&mut self, report: &Report, notes: &[&str]) {
+        if !notes.is_empty() {
+            self.line(BOLD, &format!("== all {}", plural(report.captures.len(), "capture")));
+            notes.iter().for_each(|note| self.labelled(0, (YELLOW, "quality"), note));
+            self.out.push('\n');
+        }
+    }
+
+    fn quality(&mut self, judged: &Judged, common: &[&str]) {
         if let Some(failure) = &judged.failure {
             self.labelled(0, (RED, "unread"), failure);
         }
-        for note in &judged.findings.quality {
+        for note in judged.findings.quality.iter().filter(|note| !common.contains(&note.as_str())) {
             self.labelled(0, (YELLOW, "quality"), note);
         }
     }
