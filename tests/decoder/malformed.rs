@@ -62,6 +62,7 @@ const READABLE: &[(&str, u64, u64, &str)] = &[
     ("header_only.pcap", 0, 0, ""),
     ("interface_names.log", 9, 0, ""),
     ("interfaces_70.log", 64, 6, ""),
+    ("order_by_no_frame.pcap", 2, 1, ""),
     ("packet_4_gib.pcap", 1, 2, ""),
     ("packet_cut_off.pcap", 1, 1, ""),
     ("packet_without_interface.pcapng", 0, 1, ""),
@@ -170,4 +171,14 @@ fn more_interfaces_than_a_capture_may_have_are_unreadable() {
     assert_eq!(outcome.frames, MAX_BUSES as u64);
     let reasons = outcome.of_kind("unreadable");
     assert!(reasons.iter().all(|event| event["reason"] == format!("more than {MAX_BUSES} interfaces")));
+}
+
+/// 00000180 goes from address 128 to address 1; in the other byte order it would go to 0.
+#[test]
+fn what_is_no_frame_proves_no_byte_order() {
+    let outcome = decode_file("order_by_no_frame.pcap").unwrap();
+    let notes = outcome.of_kind("note");
+    assert!(notes.iter().all(|note| !note["text"].as_str().unwrap().contains("order")), "{notes:?}");
+    let ends = |event: &Value| (event["source_address"].as_u64(), event["destination_address"].as_u64());
+    assert!(outcome.events.iter().any(|event| ends(event) == (Some(128), Some(1))), "{:?}", outcome.events);
 }

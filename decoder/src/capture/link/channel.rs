@@ -102,10 +102,13 @@ impl Channel {
 
     fn frame(&mut self, payload: &Payload<'_>, head: Head, out: &mut Output<'_>) {
         let Some(slot) = out.batch.slot() else { return };
-        if let Err(bad) = socketcan::frame(payload.bytes, payload.kind, &mut self.order, slot) {
+        // What is no frame proves no order: it would be changed without a word, for none is left to say it with.
+        let mut order = self.order;
+        if let Err(bad) = socketcan::frame(payload.bytes, payload.kind, &mut order, slot) {
             unreadable(bad, head.place, out.batch);
             return;
         }
+        self.order = order;
         slot.flags = slot.flags.with(payload.flags).with(head.flags);
         slot.time = head.time;
         slot.number = out.frames.saturating_add(1);
