@@ -23,7 +23,8 @@ struct Bundled {
 fn bundled() -> Vec<Bundled> {
     let catalogue = Catalogue::default();
     let all = catalogue.ids().into_iter().map(|id| {
-        let path = format!("decoder/profiles/vendor/{}.toml", id.replacen('-', "/", 1));
+        let folder = if catalogue.is_generic(&id) { "generic" } else { "vendor" };
+        let path = format!("decoder/profiles/{folder}/{}.toml", id.replacen('-', "/", 1));
         let text = fs::read_to_string(workspace().join(&path)).unwrap();
         let file = ProfileFile::parse(&text).unwrap();
         let variants: Vec<_> = match file.variants() {

@@ -59,3 +59,28 @@ fn canopen_of_fixtures_field_by_field() {
         assert!(compared.contains(part), "{compared}");
     }
 }
+
+/// Status words of drives: one capture tells by their device types what they are, the other does not.
+#[test]
+fn states_of_drives_at_each_status_word() {
+    let folder = support::corpus().join("canopen");
+    if !folder.exists() {
+        return support::skip("corpus", "no captures of other projects");
+    }
+    let Some(python) = support::python() else {
+        return support::skip("python", "states of drives are not compared with canopen-lens");
+    };
+    let compared = |capture: &str, options: &[&str]| {
+        let mut command = Command::new(&python);
+        command.arg(workspace().join("tests/oracles/drive_states.py")).arg(env!("CARGO_BIN_EXE_cobscope"));
+        let output = command.arg(folder.join(capture)).args(options).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{}{said}", String::from_utf8_lossy(&output.stdout));
+        String::from_utf8_lossy(&output.stdout).trim_end().to_owned()
+    };
+    let known = compared("canopen-lens__sample_cia402.log", &[]);
+    assert_eq!(known, "1650 equal, 550 not told, 0 different");
+    let drives = ["--node", "1=cia402", "--node", "2=cia402"];
+    let named = compared("canopen-lens__sample_amr_2wheel.log", &drives);
+    assert_eq!(named, "3188 equal, 0 not told, 0 different");
+}

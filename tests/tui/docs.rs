@@ -114,7 +114,9 @@ fn the_counts_of_profiles_are_those_printed() {
     for line in table.lines().skip(1) {
         rows.push(line.trim_matches('|').split('|').map(str::trim).collect::<Vec<_>>());
     }
-    assert_eq!(rows.len(), Catalogue::default().ids().len());
+    // What a standard says of all devices of a sort has no manual to count.
+    let catalogue = Catalogue::default();
+    assert_eq!(rows.len(), catalogue.ids().iter().filter(|id| !catalogue.is_generic(id)).count());
     for row in rows {
         let [profile, _, objects, _, errors] = row[..] else { panic!("{row:?}") };
         let output = run(&["profiles", "show", "--count", profile], "").stdout;

@@ -35,6 +35,7 @@ const PUMP: &str = "id = \"acme-pump\"\ntitle = \"Pump\"\nvendor = \"Acme\"\next
 fn all_devices_are_listed_with_their_variants() {
     let output = run(&["profiles", "list"], "");
     let expected = "\
+cia402                   CiA 402    Drive by the profile for drives, as far as the standard says
 danfoss-pve-ci           PVEA       Electro-hydraulic actuator of a proportional valve
   danfoss-pve-ci:pvea      PVEA (unless another is named)
   danfoss-pve-ci:pveo      PVEO

@@ -98,11 +98,13 @@ impl Identity {
     /// Whether all it asks for is there.
     pub fn fits(&self, node: &Introduction) -> bool {
         let same = |wanted: Option<u32>, is: Option<u32>| wanted.is_none() || wanted == is;
-        let asks = self.vendor_id.is_some() || self.device_name.is_some();
+        let asks = self.vendor_id.is_some() || self.device_name.is_some() || self.profile_number.is_some();
+        let profile = node.device_type.map(|device_type| device_type & 0xFFFF);
         asks && same(self.vendor_id, node.vendor_id)
             && same(self.product_code, node.product_code)
             && same(self.revision, node.revision)
             && same(self.device_type, node.device_type)
+            && same(self.profile_number.map(u32::from), profile)
             && self
                 .device_name
                 .as_deref()
@@ -113,12 +115,15 @@ impl Identity {
 /// Folder of the devices of this program.
 const VENDOR: &str = "vendor/";
 
+/// Folder of what is known of any device of a sort, for those of which nothing better is known.
+const GENERIC: &str = "generic/";
+
 /// `vendor/rexroth/sydfec.toml` has the id `rexroth-sydfec`, `standard/cia301.toml` the id `cia301`.
 fn id_of(path: &str) -> Option<String> {
     let stem = path.strip_suffix(".toml")?;
     match stem.strip_prefix(VENDOR) {
         Some(device) => Some(device.replace('/', "-")),
-        None => stem.strip_prefix("standard/").map(str::to_owned),
+        None => ["standard/", GENERIC].iter().find_map(|folder| stem.strip_prefix(folder)).map(str::to_owned),
     }
 }
 
@@ -255,12 +260,26 @@ impl Catalogue {
     }
 
     /// Assignments that fit what a node said of itself; more than one is ambiguous. Device files count
-    /// only where no profile fits.
+    /// only where no profile fits, and what is known of any device of its sort where none of them does.
     pub fn identify(&self, node: &Introduction) -> Vec<String> {
-        let own = bundled_identities().iter().filter(|(id, _)| self.brought(id).is_none());
-        let own = own.map(|(id, identities)| (id.as_str(), identities.as_slice()));
-        let profiles = fitting(self.users(UserProfile::is_profile).chain(own), node);
-        if profiles.is_empty() { fitting(self.users(UserProfile::is_device_file), node) } else { profiles }
+        let own = || {
+            let own = bundled_identities().iter().filter(|own| self.brought(&own.id).is_none());
+            own.map(|own| (own, (own.id.as_str(), own.list.as_slice())))
+        };
+        let devices = own().filter(|(own, _)| !own.is_generic).map(|(_, identities)| identities);
+        let mut found = fitting(self.users(UserProfile::is_profile).chain(devices), node);
+        if found.is_empty() {
+            found = fitting(self.users(UserProfile::is_device_file), node);
+        }
+        if found.is_empty() {
+            found = fitting(own().filter(|(own, _)| own.is_generic).map(|(_, identities)| identities), node);
+        }
+        found
+    }
+
+    /// Whether a profile of this id says no more than is known of any device of its sort.
+    pub fn is_generic(&self, id: &str) -> bool {
+        self.brought(id).is_none() && bundled_identities().iter().any(|own| own.is_generic && own.id == id)
     }
 
     fn users(&self, counts: fn(&UserProfile) -> bool) -> impl Iterator<Item = (&str, &[Identity])> {
@@ -312,7 +331,12 @@ fn bundled() -> impl Iterator<Item = &'static (&'static str, &'static str, &'sta
 
 /// Ids of the devices of this program.
 fn bundled_devices() -> impl Iterator<Item = String> {
-    bundled().filter(|(path, ..)| path.starts_with(VENDOR)).filter_map(|(path, ..)| id_of(path))
+    bundled().filter(|(path, ..)| is_device(path)).filter_map(|(path, ..)| id_of(path))
+}
+
+/// Whether a profile of this program is a device's, and no standard for others to build on.
+fn is_device(path: &str) -> bool {
+    path.starts_with(VENDOR) || path.starts_with(GENERIC)
 }
 
 /// Whether a TOML text is a bus file rather than a profile: it has parts that only bus files have, and no id of its own.
@@ -333,13 +357,27 @@ struct Identities {
     identity: Vec<Identity>,
 }
 
-/// Identities of the devices of this program, by id; collected when first asked for.
-fn bundled_identities() -> &'static [(String, Vec<Identity>)] {
-    static ALL: OnceLock<Vec<(String, Vec<Identity>)>> = OnceLock::new();
+/// What tells a device of this program.
+struct OwnIdentities {
+    id: String,
+    list: Vec<Identity>,
+    is_generic: bool,
+}
+
+/// Identities of the devices of this program; collected when first asked for.
+fn bundled_identities() -> &'static [OwnIdentities] {
+    static ALL: OnceLock<Vec<OwnIdentities>> = OnceLock::new();
     ALL.get_or_init(|| {
-        let devices = bundled().filter(|(path, ..)| path.starts_with(VENDOR));
+        let devices = bundled().filter(|(path, ..)| is_device(path));
         let of = |compiled| compiled::read::<Identities>(compiled).unwrap_or_default().identity;
-        devices.filter_map(|(path, _, compiled)| Some((id_of(path)?, of(compiled)))).collect()
+        let own = |path: &str, compiled| {
+            Some(OwnIdentities {
+                id: id_of(path)?,
+                list: of(compiled),
+                is_generic: path.starts_with(GENERIC),
+            })
+        };
+        devices.filter_map(|(path, _, compiled)| own(path, compiled)).collect()
     })
 }
 

@@ -150,6 +150,8 @@ pub enum AssignedBy {
     DeviceFile,
     /// What the node said of itself.
     Identity,
+    /// Its device type alone, which says what sort of device it is: anything better takes its place.
+    DeviceType,
 }
 
 impl AssignedBy {
@@ -160,6 +162,7 @@ impl AssignedBy {
             Self::BusFile => "bus-file",
             Self::DeviceFile => "device-file",
             Self::Identity => "identity",
+            Self::DeviceType => "device-type",
         }
     }
 }

@@ -22,6 +22,8 @@ pub struct Identity {
     pub revision: Option<u32>,
     /// 1000:00.
     pub device_type: Option<u32>,
+    /// Lower half of 1000:00: the number of the device profile (CiA 301 §7.5.2.1).
+    pub profile_number: Option<u16>,
     /// 1008:00 begins with it.
     pub device_name: Option<String>,
     /// Variant it stands for.

@@ -47,8 +47,11 @@ impl Bus {
         if !INTRODUCING.contains(&object) {
             return;
         }
-        // Beside a device file, which knows no more than objects, a profile is welcome.
-        let is_open = |node: &&Node| node.assigned.is_none() || node.device.is_file_alone();
+        // Beside a device file, which knows no more than objects, a profile is welcome; so is one where only the sort of
+        // device is known.
+        let is_open = |node: &&Node| {
+            matches!(node.assigned, None | Some(AssignedBy::DeviceType)) || node.device.is_file_alone()
+        };
         let Some(node) = self.node(id).filter(is_open) else { return };
         let seen = |object| node.store().seen(object).map(|entry| entry.value.as_slice());
         let number = |object| {
@@ -85,7 +88,10 @@ impl Bus {
     ) {
         let options = Arc::clone(&self.options);
         let file = self.node(id).and_then(|node| node.device.file.clone());
+        let is_assigned = self.node(id).is_some_and(|node| node.assigned.is_some());
         let mut candidates = options.catalogue.identify(introduction);
+        // The sort of device is news only of one of which nothing is known.
+        candidates.retain(|candidate| !is_assigned || !options.catalogue.is_generic(candidate));
         if file.is_some() {
             candidates.retain(|candidate| !options.catalogue.is_device_file(candidate));
         }
@@ -111,12 +117,11 @@ impl Bus {
                 return;
             }
         };
-        let identified = NodeIdentified {
-            device: device.full_id.clone(),
-            title: device.title.clone(),
-            by: AssignedBy::Identity.name(),
-        };
-        self.assign(id, &device, AssignedBy::Identity);
+        let is_generic = options.catalogue.is_generic(&device.id);
+        let by = if is_generic { AssignedBy::DeviceType } else { AssignedBy::Identity };
+        let identified =
+            NodeIdentified { device: device.full_id.clone(), title: device.title.clone(), by: by.name() };
+        self.assign(id, &device, by);
         self.emit(frame, id, false, EventKind::NodeIdentified(Box::new(identified)), out);
     }
 }

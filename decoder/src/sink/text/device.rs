@@ -20,7 +20,9 @@ pub(super) fn words(event: &Event) -> Option<Said> {
             let id = event.node.map_or(String::new(), |node| node.to_string());
             let what = format!(
                 "is {}, told by its {}; --node {id}={} reads it so from the first frame",
-                node.title, node.by, node.device
+                node.title,
+                node.by.replace('-', " "),
+                node.device
             );
             ("IDENT", what, Tone::Good)
         }

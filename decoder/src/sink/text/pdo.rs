@@ -6,7 +6,7 @@ use std::io::Write as _;
 use super::line::push_bytes;
 use crate::event::{Event, Pdo};
 use crate::profile::device::Mapping;
-use crate::profile::{Device, Layout, Meaning, PdoDirection, Signal, Value};
+use crate::profile::{Device, Field, Layout, Meaning, PdoDirection, Signal, Value};
 use crate::sink::ascii::{push_code, push_decimal, push_integer};
 use crate::words::plural;
 
@@ -31,8 +31,14 @@ pub(super) fn push_words(pdo: &Pdo, out: &mut Vec<u8>) {
 /// Appends `: p 157.5 bar of 315, angle 49.4 %`.
 pub(super) fn push_signals(layout: &Layout, payload: &[u8], out: &mut Vec<u8>) {
     let mut separator = b": ";
+    let has_channels = has_several_channels(layout);
     for signal in layout.signals(payload) {
         out.extend_from_slice(separator);
+        if let Some(channel) = channel_of(signal.field).filter(|_| has_channels) {
+            out.push(b'c');
+            push_decimal(out, u64::from(channel));
+            out.push(b' ');
+        }
         push_signal(&signal, layout.assumed, out);
         separator = b", ";
     }
@@ -40,6 +46,16 @@ pub(super) fn push_signals(layout: &Layout, payload: &[u8], out: &mut Vec<u8>) {
     if needed > payload.len() {
         push_absent(layout, payload, needed, out);
     }
+}
+
+/// Whether signals of several outputs or axes stand side by side, which are named alike.
+fn has_several_channels(layout: &Layout) -> bool {
+    let mut channels = layout.fields.iter().filter_map(channel_of);
+    channels.next().is_some_and(|first| channels.any(|other| other != first))
+}
+
+fn channel_of(field: &Field) -> Option<u8> {
+    field.meaning.as_deref()?.channel
 }
 
 /// ` (mapping needs 5 bytes: p missing)`.
