@@ -149,11 +149,7 @@ impl Pane for Events {
             let previous = index.checked_sub(1).map_or(before, |index| shown.get(index));
             shown.get(index).map_or_else(Row::default, |row| self.row(core, row, previous, has_objects))
         };
-        let empty = match (&core.window, core.matcher.takes_all()) {
-            (None, _) => "reading …",
-            (_, true) => "no event here",
-            _ => "no event here is shown; c clears the filter, v shows all events",
-        };
+        let empty = empty(core);
         let table =
             Table::new(&core.theme, &columns).row_count(shown.len()).rows(row).state(&state).empty(empty);
         table.render(inside, buf);
@@ -284,6 +280,19 @@ impl Events {
             Cell::new(text, style)
         });
         Row::new(cells)
+    }
+}
+
+/// What is said where there are no rows.
+fn empty(core: &Core) -> &'static str {
+    let filter = core.matcher.filter.as_ref();
+    let is_of_findings =
+        filter.is_some_and(|filter| filter.kinds().names().all(|kind| kind.starts_with("finding-")));
+    match (&core.window, core.matcher.takes_all()) {
+        (None, _) => "reading …",
+        (_, true) => "no event here",
+        _ if is_of_findings => "this filter means findings: 8 shows them; c clears the filter",
+        _ => "no event here is shown; c clears the filter, v shows all events",
     }
 }
 
