@@ -65,11 +65,22 @@ struct Made {
     filter: Option<Filtered>,
 }
 
-/// Columns, in order.
-fn columns(has_buses: bool) -> Vec<Column> {
+/// Room for what is wrong: at least `LEAST_TEXT`, and `WANTED_TEXT` before columns that only complete the picture stand
+/// beside it.
+const LEAST_TEXT: u16 = 28;
+const WANTED_TEXT: u16 = 72;
+
+/// What the other columns take up to the distance from the cursor, with the spaces behind them and a scrollbar.
+const IMPORTANT: u16 = 58;
+
+/// Columns, in order, for a table of `width`.
+fn columns(has_buses: bool, width: u16) -> Vec<Column> {
+    let bus = 5;
+    let (important, others) = if has_buses { (9, IMPORTANT + bus + 1) } else { (0, IMPORTANT) };
+    let text = width.saturating_sub(others).clamp(LEAST_TEXT, WANTED_TEXT);
     vec![
         Column::new("How bad", Width::Fixed(7)).priority(11),
-        Column::new("Bus", Width::Fixed(5)).priority(if has_buses { 9 } else { 0 }),
+        Column::new("Bus", Width::Fixed(bus)).priority(important),
         Column::new("Node", Width::Fixed(12)).priority(10),
         Column::new("×", Width::Fixed(5)).right().priority(8),
         Column::new("First", Width::Fixed(9)).right().priority(9),
@@ -77,7 +88,7 @@ fn columns(has_buses: bool) -> Vec<Column> {
         Column::new("Cursor", Width::Fixed(9)).right().priority(7),
         Column::new("Rule", Width::Fixed(24)).priority(2),
         Column::new("About", Width::Fixed(10)).priority(1),
-        Column::new("Finding", Width::Min(28)),
+        Column::new("Finding", Width::Min(text)),
     ]
 }
 
@@ -218,7 +229,7 @@ impl Pane for Findings {
             }
         }
         let (state, has_buses) = (self.state(items), has_buses(core));
-        let (columns, empty) = (columns(has_buses), empty(&survey, chosen));
+        let (columns, empty) = (columns(has_buses, parts.table.width), empty(&survey, chosen));
         let row = |index: usize| -> Row<'_> {
             let item = items.get(index);
             let told = item.and_then(|item| Some((item, facts(&survey, item)?)));
@@ -264,7 +275,7 @@ impl Pane for Findings {
         let rows = &self.listed.rows;
         let notes = detail::notes(core, &survey, self.listed.chosen.as_ref()).len();
         let table_area = parts(area, notes, rows.len()).table;
-        let columns = columns(has_buses(core));
+        let columns = columns(has_buses(core), table_area.width);
         let table = Table::new(&core.theme, &columns).row_count(rows.len());
         if let Some(column) = table.column_at(table_area, x) {
             self.table.column = column;
