@@ -56,22 +56,13 @@ impl App {
             app.core.is_following = true;
             app.core.go(Place::End);
         } else {
-            app.go_to(start.at);
+            // A time may be wanted of a capture without times: then this is where it begins.
+            app.core.go(Place::Start);
+            if let Some(bound) = start.at {
+                app.core.go_to(bound);
+            }
         }
         app
-    }
-
-    fn go_to(&mut self, at: Option<Bound>) {
-        let place = match at {
-            None => Place::Start,
-            Some(Bound::Frame(frame)) => Place::Frame(frame),
-            Some(Bound::Moment(time)) => Place::Time(time),
-            Some(Bound::Offset(offset)) => match self.core.timeline.first() {
-                Some(zero) => Place::Time(zero.plus(offset)),
-                None => return self.core.refuse("this capture has no times; go to a frame as #1234"),
-            },
-        };
-        self.core.go(place);
     }
 
     /// The command that shows this view again.
