@@ -11,7 +11,8 @@ use regex_lite::Regex;
 
 use crate::select::Bound;
 use crate::theme::{Role, Theme};
-use crate::timeline::{Export, Matcher, Order, Row, Search, Target, Timeline, Window};
+use crate::timeline::{Export, Matcher, Order, Row, Search, Survey, Target, Timeline, Window};
+use crate::words::unknown_bus;
 
 /// A node on a bus.
 pub type NodeKey = (BusIndex, NodeId);
@@ -70,6 +71,8 @@ pub struct Core {
     pub height: u16,
     /// Columns it has.
     pub width: u16,
+    /// Buses the user names, and by what.
+    pub named: Vec<(String, &'static str)>,
     serial: u64,
     target: Target,
     /// A place the user named, until it is gone to: it may be one that is not there.
@@ -99,6 +102,7 @@ impl Core {
             selection: None,
             height: 24,
             width: 80,
+            named: Vec::new(),
             serial: 0,
             target: Target::Spot(Spot::default()),
             asked: None,
@@ -328,6 +332,26 @@ impl Core {
         let news = survey.news.iter().find(|opened| opened.news.id == id).map(|opened| &opened.news);
         let text = news.map(|news| format!("{} {}: {}", news.severity.name(), news.rule, news.text));
         escape(&text.unwrap_or_default()).into_owned()
+    }
+
+    /// What is said of buses that the user names and the captures do not have, once all of them are known.
+    pub fn unknown_buses(&self, survey: &Survey) -> Vec<String> {
+        if !survey.is_complete || self.named.is_empty() {
+            return Vec::new();
+        }
+        let captures: Vec<&str> = self.timeline.lanes().iter().map(|lane| lane.store.name()).collect();
+        let (captures, has) =
+            (captures.join(", "), survey.buses.iter().map(String::as_str).collect::<Vec<_>>());
+        self.named.iter().filter_map(|(name, by)| unknown_bus(&captures, name, by, &has)).collect()
+    }
+
+    /// Says once which buses there are not, behind what is said already.
+    pub(super) fn tell_unknown_buses(&mut self) {
+        let unknown = self.unknown_buses(&self.timeline.survey());
+        if !unknown.is_empty() {
+            let said = self.said.take().map(|(_, text)| text);
+            self.refuse(&said.into_iter().chain(unknown).collect::<Vec<_>>().join("; "));
+        }
     }
 
     /// Says something below.

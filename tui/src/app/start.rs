@@ -26,6 +26,8 @@ pub struct Start {
     pub all: bool,
     /// Goes to the end as more comes.
     pub follows: bool,
+    /// Buses the user names, and by what: the captures may not have them.
+    pub named: Vec<(String, &'static str)>,
 }
 
 impl App {
@@ -37,6 +39,7 @@ impl App {
         core.filter = text;
         core.matcher = Matcher { filter, only_news: !start.all, text: None };
         core.timeline.search(core.matcher.clone());
+        core.named = start.named;
         let mut app = Self {
             core,
             panes: Panes::default(),
@@ -50,6 +53,7 @@ impl App {
             command: start.command,
             clicked: None,
             early: Vec::new(),
+            is_surveyed: false,
         };
         if start.follows {
             app.core.say("listening only: nothing is transmitted; space stops following, and follows again");

@@ -12,9 +12,10 @@ use cobscope_decoder::session::{Bus, Observer};
 use cobscope_decoder::statistics::Statistics;
 
 use super::input::warn;
-use super::{Watcher, decode_capture, report, unknown_bus};
+use super::{Watcher, decode_capture, report};
 use crate::cli::{ReportFormat, StatsArgs};
 use crate::exit_code::Exit;
+use crate::words::unknown_bus;
 
 /// Figures of one capture and the decoder behind its last frame.
 struct Report<'a> {
@@ -42,9 +43,9 @@ pub fn run(arguments: &StatsArgs) -> Exit {
         let decoded = decode_capture(path, &arguments.input, options, &mut counting)?;
         let has: Vec<_> = decoded.decoder.buses().iter().map(Bus::name).collect();
         let named = arguments.bitrate.iter().filter_map(|rate| rate.bus.as_deref());
-        named.filter_map(|bus| unknown_bus(path, bus, "--bitrate", &has)).for_each(|said| warn(&said));
-        let Counting(statistics) = counting;
         let capture = path.display().to_string();
+        named.filter_map(|bus| unknown_bus(&capture, bus, "--bitrate", &has)).for_each(|said| warn(&said));
+        let Counting(statistics) = counting;
         let report =
             Report { capture, format: decoded.format, statistics, decoder: decoded.decoder, arguments };
         match arguments.format {
