@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 pub use crate::profile::device::Severity;
 
-use crate::event::FrameRange;
+use crate::event::{FindingNews, FrameRange};
 use crate::frame::{BusIndex, CanId, Timestamp};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
@@ -182,6 +182,36 @@ impl Group {
             text.push_str(&self.key.about.to_string());
         }
         text
+    }
+
+    /// What an event says of it, by its rule in [`Findings::rules`]: the first text, and all times it was seen.
+    pub fn news(&self, rule: &RuleInfo) -> FindingNews {
+        let (mut object, mut pgn, mut about) = (None, None, None);
+        match &self.key.about {
+            About::Whole => {}
+            About::Object(address) => object = Some(*address),
+            About::Pgn(number) => pgn = Some(*number),
+            other => about = Some(other.to_string()),
+        }
+        let cause = match self.cause {
+            Some(Cause::Group(id)) => Some(id),
+            _ => None,
+        };
+        FindingNews {
+            id: self.id,
+            rule: Arc::clone(&rule.name),
+            severity: self.severity,
+            word: rule.word,
+            text: self.text.clone(),
+            object,
+            pgn,
+            about,
+            cause,
+            downgraded: self.downgraded.clone(),
+            count: self.count,
+            is_at_end: false,
+            source: rule.source.clone(),
+        }
     }
 
     /// First occurrence.

@@ -128,7 +128,7 @@ fn it_can_end_at_the_first_finding() {
     let mut live = Running::start(&["-", "--check", "--until-finding"]);
     // The input stays open: the program ends by itself.
     live.input().write_all(fixture("rules/node-lost.log").as_bytes()).unwrap();
-    assert!(live.line_with("[node-lost]").contains("LOST"));
+    assert!(live.line_with("[node-lost]").contains("LATE"));
     live.line_with("1 capture: 1 failed");
     assert_eq!(live.child.wait().unwrap().code(), Some(1));
 }

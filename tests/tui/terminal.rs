@@ -118,7 +118,7 @@ fn start_filter_jump_and_quit() {
     let session = Session::view(PVE);
     session.wait_text("BOOT");
     session.send("fkind == emcy\r");
-    session.wait_text("3 shown");
+    session.wait_text("3 events shown");
     session.send(":#104\r");
     session.wait_text("--at '#104'");
     session.wait_verdict();

@@ -86,7 +86,7 @@ pub const KEYMAP: &[Binding] = &[
     key(&["m"], Action::SetMark, "mark", "give this place a letter", Group::Time),
     key(&["'"], Action::ToMark, "to mark", "go to the place of a letter", Group::Time),
     key(&["space"], Action::Pause, "pause", "stay here, or follow what comes", Group::Time),
-    key(&["f", "f3"], Action::Filter, "filter", "show only events a filter means", Group::Show),
+    key(&["f", "f3"], Action::Filter, "filter", "show only events and findings a filter means", Group::Show),
     key(
         &["="],
         Action::FilterCell,

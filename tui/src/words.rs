@@ -6,6 +6,7 @@
 //! ```
 
 use cobscope_decoder::session::Bus;
+use cobscope_decoder::sink::escape;
 use cobscope_decoder::statistics::{BusStatistics, Intervals, Quality, span};
 use cobscope_decoder::words::plural;
 
@@ -40,6 +41,14 @@ pub fn error_frames(quality: &Quality) -> String {
 /// `1 line or record`, `2 lines or records`.
 pub fn unreadable(count: u64) -> String {
     if count == 1 { "1 line or record".to_owned() } else { format!("{count} lines or records") }
+}
+
+/// What is said of a bus that `by` names and captures do not have: most likely another name is meant.
+pub fn unknown_bus(captures: &str, name: &str, by: &str, names: &[&str]) -> Option<String> {
+    let (has, shown) = (names.join(", "), escape(name));
+    let has = escape(&has);
+    (!names.contains(&name))
+        .then(|| format!("{captures}: has no bus {shown}, which {by} names; it has {has}"))
 }
 
 /// What else is wrong with a capture.

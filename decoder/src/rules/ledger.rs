@@ -15,7 +15,7 @@ use super::conformance::{Run, Standing};
 use super::setup::Setup;
 use crate::event::{FindingNews, FrameRange};
 use crate::finding::{
-    About, Cause, GROUP_LIMIT, Group, KEPT_OCCURRENCES, Key, Occurrence, RuleInfo, Severity, Tally,
+    Cause, GROUP_LIMIT, Group, KEPT_OCCURRENCES, Key, Occurrence, RuleInfo, Severity, Tally,
 };
 use crate::frame::{BusIndex, Timestamp};
 use crate::session::Bus;
@@ -340,36 +340,13 @@ impl Ledger {
             return None;
         }
         let rule = self.rules.get(usize::from(group.key.rule))?;
-        let (mut object, mut pgn, mut about) = (None, None, None);
-        match &group.key.about {
-            About::Whole => {}
-            About::Object(address) => object = Some(*address),
-            About::Pgn(number) => pgn = Some(*number),
-            other => about = Some(other.to_string()),
-        }
         let text = match (&group.worst, news.what) {
             (Some((_, text, _)), What::Closed | What::Ended) => text.clone(),
             _ => course.said.clone(),
         };
-        let cause = match group.cause {
-            Some(Cause::Group(id)) => Some(id),
-            _ => None,
-        };
-        let news = FindingNews {
-            id: group.id,
-            rule: Arc::clone(&rule.name),
-            severity: group.severity,
-            word: course.word.unwrap_or(rule.word),
-            text,
-            object,
-            pgn,
-            about,
-            cause,
-            downgraded: group.downgraded.clone(),
-            count: course.since_open,
-            is_at_end: news.what == What::Ended,
-            source: rule.source.clone(),
-        };
+        let (count, is_at_end) = (course.since_open, news.what == What::Ended);
+        let word = course.word.unwrap_or(rule.word);
+        let news = FindingNews { word, text, count, is_at_end, ..group.news(rule) };
         Some((group, news))
     }
 }

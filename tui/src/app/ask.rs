@@ -95,13 +95,11 @@ impl App {
                 self.core.search(false);
             }
             Asking::GoTo => match place(text) {
-                Some(Ok(step)) => self.core.go(Place::Step(step)),
-                Some(Err(Bound::Frame(frame))) => self.core.go(Place::Frame(frame)),
-                Some(Err(Bound::Moment(time))) => self.core.go(Place::Time(time)),
-                Some(Err(Bound::Offset(offset))) => match self.core.zero() {
-                    Some(zero) => self.core.go(Place::Time(zero.plus(offset))),
+                Some(Ok(step)) => match self.core.time() {
+                    Some(time) => self.core.go_to(Bound::Moment(time.plus(step))),
                     None => self.core.refuse("this capture has no times; go to a frame as #1234"),
                 },
+                Some(Err(bound)) => self.core.go_to(bound),
                 None => {}
             },
             Asking::Export => self.core.export(text),

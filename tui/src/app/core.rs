@@ -1,5 +1,6 @@
 //! What is shown, apart from the panes: captures, cursor in time, filter, theme.
 
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 use cobscope_decoder::frame::{BusIndex, Timestamp};
@@ -8,8 +9,10 @@ use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::NodeId;
 use regex_lite::Regex;
 
+use crate::select::Bound;
 use crate::theme::{Role, Theme};
-use crate::timeline::{Export, Matcher, Order, Row, Search, Target, Timeline, Window};
+use crate::timeline::{Export, Matcher, Order, Row, Search, Survey, Target, Timeline, Window};
+use crate::words::unknown_bus;
 
 /// A node on a bus.
 pub type NodeKey = (BusIndex, NodeId);
@@ -27,8 +30,6 @@ pub enum Place {
     Frame(u64),
     /// A time of the captures' own clock.
     Time(Timestamp),
-    /// Nanoseconds from the cursor.
-    Step(i64),
 }
 
 /// A look for something.
@@ -70,8 +71,12 @@ pub struct Core {
     pub height: u16,
     /// Columns it has.
     pub width: u16,
+    /// Buses the user names, and by what.
+    pub named: Vec<(String, &'static str)>,
     serial: u64,
     target: Target,
+    /// A place the user named, until it is gone to: it may be one that is not there.
+    asked: Option<Bound>,
     is_waiting: bool,
     /// Exports whose end was not told yet.
     exports: usize,
@@ -97,8 +102,10 @@ impl Core {
             selection: None,
             height: 24,
             width: 80,
+            named: Vec::new(),
             serial: 0,
             target: Target::Spot(Spot::default()),
+            asked: None,
             is_waiting: false,
             exports: 0,
             followed: 0,
@@ -113,16 +120,47 @@ impl Core {
             Place::Spot(spot) => Target::Spot(spot),
             Place::Frame(frame) => Target::Spot(Spot::behind(frame)),
             Place::Time(time) => Target::Time(time),
-            Place::Step(step) => match self.time() {
-                Some(time) => Target::Time(time.plus(step)),
-                None => return self.refuse("this capture has no times; go to a frame as #1234"),
-            },
         };
         if let Target::Spot(spot) = target {
             self.cursor = spot;
         }
         self.target = target;
+        self.asked = None;
         self.ask(None);
+    }
+
+    /// Goes to a place the user named; if the captures do not have it to their nearest end, which is said.
+    pub fn go_to(&mut self, bound: Bound) {
+        let place = match bound {
+            Bound::Frame(frame) => Place::Frame(frame),
+            Bound::Moment(time) => Place::Time(time),
+            Bound::Offset(offset) => match self.zero().or(self.timeline.first()) {
+                Some(zero) => Place::Time(zero.plus(offset)),
+                None => return self.refuse("this capture has no times; go to a frame as #1234"),
+            },
+        };
+        self.go(place);
+        self.asked = Some(bound);
+    }
+
+    /// Where a place lies that the captures do not have, and what is to be said of it.
+    fn outside(&self, bound: Bound) -> Option<(Ordering, String)> {
+        let frames = self.timeline.progress().frames();
+        let times = self.timeline.progress().times();
+        let (what, side) = match (bound, times) {
+            (Bound::Frame(0), _) => ("frame", Ordering::Less),
+            (Bound::Frame(frame), _) => ("frame", frame.cmp(&frames).max(Ordering::Equal)),
+            (_, None) => return None,
+            (Bound::Moment(time), Some((first, last))) => ("time", side(time, first, last)),
+            (Bound::Offset(offset), Some((first, last))) => ("time", side(first.plus(offset), first, last)),
+        };
+        let time = self.seconds(times.map(|(_, last)| last)).map_or(String::new(), |t| format!(", {t:.3} s"));
+        let text = match side {
+            Ordering::Less => format!("no such {what}: the capture begins here"),
+            Ordering::Equal => return None,
+            Ordering::Greater => format!("no such {what}: the capture ends here, #{frames}{time}"),
+        };
+        Some((side, text))
     }
 
     /// Asks again for what is at the place, since something about it changed.
@@ -135,6 +173,7 @@ impl Core {
         let Some(sought) = &self.sought else { return self.refuse("nothing is searched for; type / first") };
         let matcher = Matcher { text: Some(sought.pattern.clone()), ..Matcher::default() };
         self.target = Target::Spot(self.row().map_or(self.cursor, |row| row.spot));
+        self.asked = None;
         self.ask(Some(Search { matcher, is_backward }));
     }
 
@@ -166,7 +205,15 @@ impl Core {
             self.cursor = window.spot;
             self.target = Target::Spot(window.spot);
         }
+        let is_there = !window.is_pending;
         self.window = Some(window);
+        let outside = self.asked.take_if(|_| is_there).and_then(|bound| self.outside(bound));
+        if let Some((side, text)) = outside {
+            if side == Ordering::Less {
+                self.go(Place::Start);
+            }
+            self.refuse(&text);
+        }
     }
 
     /// Changes which events are shown.
@@ -287,6 +334,26 @@ impl Core {
         escape(&text.unwrap_or_default()).into_owned()
     }
 
+    /// What is said of buses that the user names and the captures do not have, once all of them are known.
+    pub fn unknown_buses(&self, survey: &Survey) -> Vec<String> {
+        if !survey.is_complete || self.named.is_empty() {
+            return Vec::new();
+        }
+        let captures: Vec<&str> = self.timeline.lanes().iter().map(|lane| lane.store.name()).collect();
+        let (captures, has) =
+            (captures.join(", "), survey.buses.iter().map(String::as_str).collect::<Vec<_>>());
+        self.named.iter().filter_map(|(name, by)| unknown_bus(&captures, name, by, &has)).collect()
+    }
+
+    /// Says once which buses there are not, behind what is said already.
+    pub(super) fn tell_unknown_buses(&mut self) {
+        let unknown = self.unknown_buses(&self.timeline.survey());
+        if !unknown.is_empty() {
+            let said = self.said.take().map(|(_, text)| text);
+            self.refuse(&said.into_iter().chain(unknown).collect::<Vec<_>>().join("; "));
+        }
+    }
+
     /// Says something below.
     pub fn say(&mut self, text: &str) {
         self.said = Some((Role::Note, text.to_owned()));
@@ -296,4 +363,9 @@ impl Core {
     pub fn refuse(&mut self, text: &str) {
         self.said = Some((Role::Caution, text.to_owned()));
     }
+}
+
+/// On which side of the captures a time lies.
+fn side(time: Timestamp, first: Timestamp, last: Timestamp) -> Ordering {
+    if time < first { Ordering::Less } else { time.cmp(&last).max(Ordering::Equal) }
 }

@@ -51,6 +51,8 @@ pub struct App {
     clicked: Option<(u16, u16)>,
     /// Keys pressed before anything was on the screen to which they could mean something.
     early: Vec<KeyEvent>,
+    /// The survey told that it is complete.
+    is_surveyed: bool,
 }
 
 /// What keys mean at the moment.
@@ -93,7 +95,11 @@ impl App {
             News::Filtered => self.core.refresh(),
             News::Grew => self.core.timeline.see_growth(),
             News::Indexed if self.core.is_pending() => self.core.refresh(),
-            News::Indexed | News::Surveyed | News::Traced => {}
+            News::Surveyed => {
+                self.is_surveyed = true;
+                self.core.tell_unknown_buses();
+            }
+            News::Indexed | News::Traced => {}
         }
         self.refresh_panes();
     }
@@ -142,7 +148,7 @@ impl App {
             || self.core.is_pending()
             || is_searching
             || timeline.is_tracing()
-            || !(timeline.grows() || timeline.progress().is_complete() && timeline.survey().is_complete)
+            || !(timeline.grows() || timeline.progress().is_complete() && self.is_surveyed)
     }
 }
 

@@ -26,6 +26,8 @@ pub struct Start {
     pub all: bool,
     /// Goes to the end as more comes.
     pub follows: bool,
+    /// Buses the user names, and by what: the captures may not have them.
+    pub named: Vec<(String, &'static str)>,
 }
 
 impl App {
@@ -37,6 +39,7 @@ impl App {
         core.filter = text;
         core.matcher = Matcher { filter, only_news: !start.all, text: None };
         core.timeline.search(core.matcher.clone());
+        core.named = start.named;
         let mut app = Self {
             core,
             panes: Panes::default(),
@@ -50,28 +53,20 @@ impl App {
             command: start.command,
             clicked: None,
             early: Vec::new(),
+            is_surveyed: false,
         };
         if start.follows {
             app.core.say("listening only: nothing is transmitted; space stops following, and follows again");
             app.core.is_following = true;
             app.core.go(Place::End);
         } else {
-            app.go_to(start.at);
+            // A time may be wanted of a capture without times: then this is where it begins.
+            app.core.go(Place::Start);
+            if let Some(bound) = start.at {
+                app.core.go_to(bound);
+            }
         }
         app
-    }
-
-    fn go_to(&mut self, at: Option<Bound>) {
-        let place = match at {
-            None => Place::Start,
-            Some(Bound::Frame(frame)) => Place::Frame(frame),
-            Some(Bound::Moment(time)) => Place::Time(time),
-            Some(Bound::Offset(offset)) => match self.core.timeline.first() {
-                Some(zero) => Place::Time(zero.plus(offset)),
-                None => return self.core.refuse("this capture has no times; go to a frame as #1234"),
-            },
-        };
-        self.core.go(place);
     }
 
     /// The command that shows this view again.

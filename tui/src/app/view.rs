@@ -10,6 +10,7 @@
 //! enter open  f filter  ] finding  ? help  q quit                                      keys, or a question
 //! ```
 
+use cobscope_decoder::words::plural;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
@@ -122,7 +123,7 @@ impl App {
         }
         if let Some(matches) = core.timeline.matches().filter(|_| core.matcher.filter.is_some()) {
             let so_far = if matches.is_complete() { "" } else { " so far" };
-            right = format!("{} shown{so_far}  {right}", matches.count());
+            right = format!("{} shown{so_far}  {right}", plural(matches.count(), "event"));
         }
         let room = area.width.saturating_sub(draw::width(&right) + 2);
         let quiet = core.theme.style(Role::Quiet);

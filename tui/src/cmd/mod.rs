@@ -31,13 +31,13 @@ use cobscope_decoder::capture::{Batch, BusNames, Item, Notice};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::session::{Observer, SessionOptions};
-use cobscope_decoder::sink::escape;
 
 use crate::app::App;
 use crate::cli::{Cli, Color, Command, InputArgs};
 use crate::exit_code::Exit;
 use crate::source;
 use crate::timeline::News;
+use crate::words::unknown_bus;
 use input::{captures, read_options, session_options, warn};
 pub(crate) use rules::rule_sections;
 
@@ -241,21 +241,21 @@ fn decode_quietly(
     }
 }
 
-/// Who names a bus the capture does not have most likely means another name.
-fn unknown_buses(path: &Path, input: &InputArgs, options: &SessionOptions, names: &BusNames) -> Vec<String> {
+/// Names of buses the user gave, and by what.
+fn named_buses(input: &InputArgs, options: &SessionOptions) -> Vec<(String, &'static str)> {
     let of_file = options.bus_file.buses.iter().map(|(name, _)| (name, "the bus file"));
     let of_nodes = input.node.iter().filter_map(|node| Some((node.bus.as_ref()?, "--node")));
     let of_files = input.eds.iter().filter_map(|file| Some((file.node.bus.as_ref()?, "--eds")));
     let all = of_file.chain(of_nodes).chain(of_files);
-    let has: Vec<&str> = names.names().iter().map(String::as_str).collect();
-    all.filter_map(|(name, by)| unknown_bus(path, name, by, &has)).collect()
+    all.map(|(name, by)| (name.clone(), by)).collect()
 }
 
-/// What is said of a bus that `by` names and the capture does not have.
-fn unknown_bus(path: &Path, name: &str, by: &str, names: &[&str]) -> Option<String> {
-    let has = escape(&names.join(", ")).into_owned();
-    let (path, shown) = (path.display(), escape(name));
-    (!names.contains(&name)).then(|| format!("{path}: has no bus {shown}, which {by} names; it has {has}"))
+/// What is said of buses that are named and that a capture does not have.
+fn unknown_buses(path: &Path, input: &InputArgs, options: &SessionOptions, names: &BusNames) -> Vec<String> {
+    let capture = path.display().to_string();
+    let has: Vec<&str> = names.names().iter().map(String::as_str).collect();
+    let wanted = named_buses(input, options);
+    wanted.iter().filter_map(|(name, by)| unknown_bus(&capture, name, by, &has)).collect()
 }
 
 /// Whether output is coloured.

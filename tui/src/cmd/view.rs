@@ -6,8 +6,8 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 
 use anyhow::{Context as _, ensure};
 
-use super::complain;
 use super::input::{captures, check_rules_of, read_options, session_options, setup};
+use super::{complain, named_buses};
 use crate::app::{App, Start, quoted};
 use crate::cli::{Color, ScreenArgs, ThemeName, ViewArgs};
 use crate::exit_code::Exit;
@@ -58,18 +58,22 @@ fn captures_of(arguments: &ViewArgs) -> anyhow::Result<Captures> {
 /// As the command itself: broken files of the user, captures that cannot be opened.
 pub fn open(arguments: &ViewArgs, command: String) -> anyhow::Result<(App, Receiver<News>)> {
     let (news, found) = channel();
-    let timeline = Timeline::open(captures_of(arguments)?, news)?;
-    Ok((App::new(timeline, theme(&arguments.screen, arguments.color), start(arguments, command)), found))
+    let captures = captures_of(arguments)?;
+    let start = start(arguments, command, named_buses(&arguments.input, &captures.session));
+    let timeline = Timeline::open(captures, news)?;
+    Ok((App::new(timeline, theme(&arguments.screen, arguments.color), start), found))
 }
 
 fn show(arguments: &ViewArgs, captures: Captures) -> anyhow::Result<()> {
     let (messages, inbox) = channel();
     let (news, found) = channel();
+    let named = named_buses(&arguments.input, &captures.session);
     let timeline = Timeline::open(captures, news)?;
     ensure_keys(arguments)?;
     forward(found, messages.clone())?;
     let command = command("view", std::env::args().skip(1));
-    let mut app = App::new(timeline, theme(&arguments.screen, arguments.color), start(arguments, command));
+    let start = start(arguments, command, named);
+    let mut app = App::new(timeline, theme(&arguments.screen, arguments.color), start);
     let mut screen = Screen::take()?;
     terminal::listen(messages)?;
     terminal::run(&mut app, &mut screen, &inbox)
@@ -121,7 +125,7 @@ pub(super) fn theme(arguments: &ScreenArgs, color: Color) -> Theme {
     Theme::new(palette, depth, if arguments.ascii { Borders::Ascii } else { Borders::Unicode })
 }
 
-fn start(arguments: &ViewArgs, command: String) -> Start {
+fn start(arguments: &ViewArgs, command: String, named: Vec<(String, &'static str)>) -> Start {
     Start {
         command,
         pane: arguments.screen.pane,
@@ -129,6 +133,7 @@ fn start(arguments: &ViewArgs, command: String) -> Start {
         filter: arguments.filter.clone().map(|filter| (filter.to_string(), filter)),
         all: arguments.all,
         follows: false,
+        named,
     }
 }
 

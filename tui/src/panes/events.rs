@@ -31,33 +31,52 @@ pub struct Events {
     detail: Detail,
 }
 
-/// Columns, in order; the number is that of [`cell`].
-fn columns(core: &Core) -> Vec<Column> {
+/// Room for what an event says: at least `LEAST_WHAT`, and `WANTED_WHAT` before columns that only complete the picture
+/// stand beside it.
+const LEAST_WHAT: u16 = 44;
+const WANTED_WHAT: u16 = 72;
+
+/// What distance in time, identifier, node and kind take, with the spaces before them and before what is said.
+const IMPORTANT: u16 = 42;
+
+/// How many columns there are.
+const COLUMNS: usize = 10;
+
+/// Columns, in order, for a table of `width`; the number is that of [`cell`].
+fn columns(core: &Core, width: u16) -> Vec<Column> {
     // Which bus says something only where there are several.
     let has_buses = core.world().is_some_and(|world| world.buses().len() > 1);
+    let (number, time) = widest(core);
+    let others = number + 1 + time + IMPORTANT;
+    let (bus, important, others) = if has_buses { (7, 8, others + 8) } else { (5, 1, others) };
+    let what = width.saturating_sub(others).clamp(LEAST_WHAT, WANTED_WHAT);
     vec![
-        Column::new("No", Width::Min(7)).right().priority(9),
-        Column::new("Time", Width::Min(9)).right(),
+        Column::new("No", Width::Fixed(number)).right().priority(9),
+        Column::new("Time", Width::Fixed(time)).right(),
         Column::new("Δt", Width::Fixed(9)).right().priority(3),
-        Column::new("Bus", Width::Fixed(if has_buses { 7 } else { 5 })).priority(if has_buses {
-            8
-        } else {
-            1
-        }),
+        Column::new("Bus", Width::Fixed(bus)).priority(important),
         Column::new("ID", Width::Fixed(8)).priority(4),
         Column::new("Node", Width::Fixed(14)).priority(10),
         Column::new("Kind", Width::Fixed(6)).priority(11),
         Column::new("Object", Width::Fixed(24)).priority(0),
-        Column::new("What", Width::Min(44)),
+        Column::new("What", Width::Min(what)),
         Column::new("Data", Width::Fixed(23)).priority(2),
     ]
+}
+
+/// Columns of the screen the number of the last frame takes, with a mark, and its time.
+fn widest(core: &Core) -> (u16, u16) {
+    let progress = core.timeline.progress();
+    let number = progress.frames().checked_ilog10().map_or(0, |digits| digits + 2);
+    let time = progress.times().map_or(0, |(first, last)| seconds(last.since(first)).len());
+    (u16::try_from(number).unwrap_or(u16::MAX).max(7), u16::try_from(time).unwrap_or(u16::MAX).max(9))
 }
 
 /// Height from which an event can be opened below the table.
 const LEAST_SPLIT: u16 = 12;
 
-/// Width from which objects have a column of their own.
-const WIDE: u16 = 150;
+/// The column of objects: where it has no room they stand before what is said of them.
+const OBJECT: usize = 7;
 
 impl Events {
     /// Room for the table, and for what is below it.
@@ -77,6 +96,19 @@ impl Events {
         let half = height / 2;
         let first = state.selected.saturating_sub(half).min(core.rows().len().saturating_sub(height));
         (first..(first + height).min(core.rows().len()), state.selected)
+    }
+
+    /// The next column with room on one side, or this one.
+    fn beside(&self, core: &Core, is_right: bool) -> usize {
+        let width = core.width.saturating_sub(1);
+        let columns = columns(core, width);
+        let has_room = |column: &usize| Table::width_of(&columns, *column, width) > 0;
+        let found = if is_right {
+            (self.column + 1..COLUMNS).find(has_room)
+        } else {
+            (0..self.column).rev().find(has_room)
+        };
+        found.unwrap_or(self.column)
     }
 
     fn step(core: &Core, delta: isize) -> Vec<Effect> {
@@ -110,17 +142,14 @@ impl Pane for Events {
             ..TableState::default()
         };
         let shown = core.rows().get(range.clone()).unwrap_or_default();
-        let columns = columns(core);
+        let columns = columns(core, inside.width);
+        let has_objects = Table::width_of(&columns, OBJECT, inside.width) > 0;
         let before = range.start.checked_sub(1).and_then(|index| core.rows().get(index));
         let row = |index: usize| -> Row<'_> {
             let previous = index.checked_sub(1).map_or(before, |index| shown.get(index));
-            shown.get(index).map_or_else(Row::default, |row| self.row(core, row, previous, area.width))
+            shown.get(index).map_or_else(Row::default, |row| self.row(core, row, previous, has_objects))
         };
-        let empty = match (&core.window, core.matcher.takes_all()) {
-            (None, _) => "reading …",
-            (_, true) => "no event here",
-            _ => "no event here is shown; c clears the filter, v shows all events",
-        };
+        let empty = empty(core);
         let table =
             Table::new(&core.theme, &columns).row_count(shown.len()).rows(row).state(&state).empty(empty);
         table.render(inside, buf);
@@ -148,12 +177,8 @@ impl Pane for Events {
             Action::PageUp => Self::step(core, -page),
             Action::Top => vec![Effect::Go(Place::Start)],
             Action::Bottom => vec![Effect::Go(Place::End)],
-            Action::Left => {
-                self.column = self.column.saturating_sub(1);
-                Vec::new()
-            }
-            Action::Right => {
-                self.column = (self.column + 1).min(columns(core).len() - 1);
+            Action::Left | Action::Right => {
+                self.column = self.beside(core, action == Action::Right);
                 Vec::new()
             }
             Action::Highlight => {
@@ -189,7 +214,7 @@ impl Pane for Events {
             return to_share(core, y, area);
         }
         let (range, _) = Self::view(core, Table::height(inside));
-        let columns = columns(core);
+        let columns = columns(core, inside.width);
         let table = Table::new(&core.theme, &columns).row_count(range.len());
         if let Some(column) = table.column_at(inside, x) {
             self.column = column;
@@ -236,9 +261,9 @@ impl Pane for Events {
 }
 
 impl Events {
-    fn row(&self, core: &Core, row: &EventRow, before: Option<&EventRow>, width: u16) -> Row<'static> {
+    fn row(&self, core: &Core, row: &EventRow, before: Option<&EventRow>, has_objects: bool) -> Row<'static> {
         let tone = core.theme.style(role_of(row.tone));
-        let cells = (0..columns(core).len()).map(|column| {
+        let cells = (0..COLUMNS).map(|column| {
             let text = cell(core, row, before, column);
             let is_marked =
                 self.highlight.as_deref().is_some_and(|wanted| !wanted.is_empty() && wanted == text);
@@ -249,13 +274,25 @@ impl Events {
                 _ => Style::new(),
             };
             let text = match column {
-                7 if width < WIDE => String::new(),
-                8 if width < WIDE => row.what(),
+                8 if !has_objects => row.what(),
                 _ => text.into_owned(),
             };
             Cell::new(text, style)
         });
         Row::new(cells)
+    }
+}
+
+/// What is said where there are no rows.
+fn empty(core: &Core) -> &'static str {
+    let filter = core.matcher.filter.as_ref();
+    let is_of_findings =
+        filter.is_some_and(|filter| filter.kinds().names().all(|kind| kind.starts_with("finding-")));
+    match (&core.window, core.matcher.takes_all()) {
+        (None, _) => "reading …",
+        (_, true) => "no event here",
+        _ if is_of_findings => "this filter means findings: 8 shows them; c clears the filter",
+        _ => "no event here is shown; c clears the filter, v shows all events",
     }
 }
 

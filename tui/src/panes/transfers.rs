@@ -61,8 +61,17 @@ impl Counts {
     }
 }
 
-/// Columns, in order.
-fn columns(has_buses: bool) -> Vec<Column> {
+/// Room for what was transferred: at least `LEAST_WHAT`, and `WANTED_WHAT` before the only bus stands beside it.
+const LEAST_WHAT: u16 = 28;
+const WANTED_WHAT: u16 = 72;
+
+/// What the other columns take without the bus, with the spaces between them and a scrollbar.
+const IMPORTANT: u16 = 68;
+
+/// Columns, in order, for a table of `width`.
+fn columns(has_buses: bool, width: u16) -> Vec<Column> {
+    let what =
+        if has_buses { LEAST_WHAT } else { width.saturating_sub(IMPORTANT).clamp(LEAST_WHAT, WANTED_WHAT) };
     vec![
         Column::new("No", Width::Fixed(7)).right().priority(5),
         Column::new("Time", Width::Fixed(9)).right(),
@@ -70,7 +79,7 @@ fn columns(has_buses: bool) -> Vec<Column> {
         Column::new("Bus", Width::Fixed(5)).priority(if has_buses { 8 } else { 0 }),
         Column::new("Who", Width::Fixed(12)).priority(9),
         Column::new("Kind", Width::Fixed(6)).priority(7),
-        Column::new("What", Width::Min(28)),
+        Column::new("What", Width::Min(what)),
         Column::new("Size", Width::Fixed(7)).right().priority(3),
         Column::new("Outcome", Width::Fixed(11)).priority(6),
     ]
@@ -250,7 +259,7 @@ impl Pane for Transfers {
         let selected = Self::selected(core, &survey, order);
         // Where nothing is selected, titles keep the marks of sorting.
         let state = TableState { selected: selected.unwrap_or(0), ..self.table.clone() };
-        let columns = columns(has_buses(core));
+        let columns = columns(has_buses(core), parts.table.width);
         let row = |index: usize| -> Row<'_> {
             Self::exchange(order, &survey, index).map_or_else(Row::default, |exchange| row(core, exchange))
         };
@@ -294,7 +303,7 @@ impl Pane for Transfers {
     fn click(&mut self, x: u16, y: u16, area: Rect, core: &Core) -> Vec<Effect> {
         let survey = core.timeline.survey();
         let below = self.parts(core, &survey, area).table;
-        let columns = columns(has_buses(core));
+        let columns = columns(has_buses(core), below.width);
         let table = Table::new(&core.theme, &columns).row_count(survey.exchanges.len());
         if let Some(column) = table.column_at(below, x) {
             self.table.column = column;

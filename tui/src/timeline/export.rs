@@ -1,7 +1,7 @@
 //! Writes a part of the captures to a file: frames in any format that can be written, or the events shown.
 
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::PathBuf;
 use std::sync::PoisonError;
 use std::sync::mpsc::Sender;
@@ -73,7 +73,7 @@ fn write(shared: &Shared, export: &Export) -> anyhow::Result<String> {
     let format = export.format()?;
     let mut options = File::options();
     // Nothing of the user's is ever written over.
-    let file = options.write(true).create_new(true).open(&export.path).context("cannot be made")?;
+    let file = options.write(true).create_new(true).open(&export.path).map_err(refusal)?;
     let output = BufWriter::with_capacity(BUFFER, file);
     let count = match format {
         Format::Frames(format) => frames(shared, export, format, output)?,
@@ -96,6 +96,16 @@ fn write(shared: &Shared, export: &Export) -> anyhow::Result<String> {
         }
     };
     Ok(count)
+}
+
+/// Why a file cannot be made, in the words of its user.
+fn refusal(error: io::Error) -> anyhow::Error {
+    match error.kind() {
+        ErrorKind::AlreadyExists => anyhow::anyhow!("is there already; choose another name"),
+        ErrorKind::NotFound => anyhow::anyhow!("there is no such folder"),
+        ErrorKind::PermissionDenied => anyhow::anyhow!("nothing may be written there; choose another folder"),
+        _ => anyhow::Error::new(error).context("cannot be made"),
+    }
 }
 
 /// The frames, all of them: a filter of events says nothing of frames.

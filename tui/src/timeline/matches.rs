@@ -161,6 +161,13 @@ impl Matches {
         0
     }
 
+    /// Whether a frame brought a hit.
+    pub fn has_frame(&self, frame: u64) -> bool {
+        let found = self.found.read().unwrap_or_else(PoisonError::into_inner);
+        let (word, bit) = place(frame);
+        found.bits.get(word).is_some_and(|bits| bits >> bit & 1 == 1)
+    }
+
     /// The first frame with a hit from `frame` on.
     pub(super) fn next_frame(&self, frame: u64) -> Option<u64> {
         let found = self.found.read().unwrap_or_else(PoisonError::into_inner);
@@ -225,6 +232,7 @@ mod tests {
                 found.bits[word] |= 1 << bit;
             }
         }
+        assert!(matches.has_frame(63) && !matches.has_frame(62) && !matches.has_frame(1_000));
         assert_eq!(matches.next_frame(0), Some(3));
         assert_eq!(matches.next_frame(4), Some(63));
         assert_eq!(matches.next_frame(65), Some(130));

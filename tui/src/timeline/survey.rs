@@ -65,7 +65,7 @@ pub struct Survey {
     pub load: Vec<LoadOverTime>,
     /// Figures of the whole capture so far.
     pub statistics: Statistics,
-    /// Names of the buses.
+    /// Names of all buses, those without a frame too, at the end; they are not escaped.
     pub buses: Vec<String>,
     /// The last change of the bit rate that was announced on a bus: its name, and what is to come.
     pub bit_rate_change: Option<(String, String)>,
@@ -162,7 +162,7 @@ pub(super) fn run(shared: &Shared, setup: &Arc<Setup>, news: &Sender<News>) {
             }
         }
         surveyor.tell(shared, walk.world.frames());
-        let names = walk.world.buses().iter().map(|bus| escape(bus.name()).into_owned()).collect();
+        let names = walk.names().to_vec();
         surveyor.finish(shared, walk.world.buses(), names);
     }
     shared.survey.write().unwrap_or_else(PoisonError::into_inner).is_complete = true;

@@ -124,6 +124,11 @@ impl Walk {
         })
     }
 
+    /// Names of all buses there are so far.
+    pub(super) fn names(&self) -> &[String] {
+        self.reader.buses().names()
+    }
+
     /// Decompressed bytes read.
     pub(super) fn offset(&self) -> u64 {
         self.reader.offset()

@@ -19,12 +19,12 @@ use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::escape;
 
 use super::input::session_options;
-use super::{complain, unknown_bus, unknown_buses};
+use super::{complain, unknown_buses};
 use crate::cli::ConvertArgs;
 use crate::exit_code::Exit;
 use crate::record::format;
 use crate::select::ensure_order;
-use crate::words::unreadable;
+use crate::words::{unknown_bus, unreadable};
 use choice::Choice;
 use input::Input;
 use output::Output;
@@ -167,11 +167,11 @@ impl Conversion<'_> {
         if self.choice.is_over() {
             return;
         }
-        let name = PathBuf::from(input.names());
+        let name = input.names();
         let names: Vec<&str> = input.buses().names().iter().map(String::as_str).collect();
         let chosen = self.arguments.only_node.iter().filter_map(|node| node.bus.as_deref());
         let chosen = chosen.filter_map(|bus| unknown_bus(&name, bus, "--only-node", &names));
-        let known = unknown_buses(&name, &self.arguments.input, &self.options, input.buses());
+        let known = unknown_buses(Path::new(&name), &self.arguments.input, &self.options, input.buses());
         known.into_iter().chain(chosen).for_each(|said| say(&said));
     }
 

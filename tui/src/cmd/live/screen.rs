@@ -74,6 +74,8 @@ fn show(arguments: &LiveArgs, captures: Captures, has_stdin: bool) -> anyhow::Re
         filter: filter.map(|filter| (filter.to_string(), filter)),
         all: arguments.lines.all,
         follows: true,
+        // Buses come as long as it goes on.
+        named: Vec::new(),
     };
     let mut app = App::new(timeline, theme(&arguments.screen, arguments.lines.color), start);
     let mut screen = Screen::take()?;

@@ -12,10 +12,11 @@ use cobscope_decoder::session::{Bus, Observer};
 use cobscope_decoder::statistics::Statistics;
 
 use super::input::warn;
-use super::{Watcher, complain, decode_capture, report, unknown_bus};
+use super::{Watcher, complain, decode_capture, report};
 use crate::cli::{ReportFormat, StatsArgs};
 use crate::exit_code::Exit;
 use crate::select::{Selection, ensure_order};
+use crate::words::unknown_bus;
 
 /// Figures of one capture and the decoder behind its last frame.
 struct Report<'a> {
@@ -48,9 +49,9 @@ pub fn run(arguments: &StatsArgs) -> Exit {
         let decoded = decode_capture(path, &arguments.input, options, &mut counting)?;
         let has: Vec<_> = decoded.decoder.buses().iter().map(Bus::name).collect();
         let named = arguments.bitrate.iter().filter_map(|rate| rate.bus.as_deref());
-        named.filter_map(|bus| unknown_bus(path, bus, "--bitrate", &has)).for_each(|said| warn(&said));
-        let Counting { statistics, selection } = counting;
         let capture = path.display().to_string();
+        named.filter_map(|bus| unknown_bus(&capture, bus, "--bitrate", &has)).for_each(|said| warn(&said));
+        let Counting { statistics, selection } = counting;
         if let Some(missed) = selection.missed(decoded.decoder.frames(), decoded.decoder.last_time()) {
             warn(&format!("{capture}: {missed}"));
         }

@@ -50,6 +50,7 @@ pub(super) fn lines(
         }
     }
     told.extend(quality(core, survey, buses));
+    told.extend(core.unknown_buses(survey).into_iter().map(|text| ("names", Role::Caution, text)));
     told.extend(files(core).into_iter().map(|text| ("capture", Role::Text, text)));
     let line = |(label, role, text): (&'static str, Role, String)| {
         (label, Line::styled(escape(&text).into_owned(), core.theme.style(role)))

@@ -4,8 +4,8 @@
 //! ```text
 //! can0  CANopen, 250 kbit/s                                     a column 0.070 s, all
 //!  31 % ▁▁▂▂▂▃▃▂▂▁▁▁▅▆█▇▅▂▂▁▁▁
-//!       ──────────────▲───────
-//! t 4.030 s  12 %, 80 frames/s          17 error frames
+//! 0.0 s ──────────────▲───────
+//!       t 4.030 s  12 %, 80 frames/s    17 error frames  6.130 s
 //!    17 ▁▁█▁
 //! frames   181 frames, 29.5/s, 1691 bit/s; worst second 47 frames …
 //! ```
@@ -142,7 +142,8 @@ impl BusPane {
         bars.render(behind_scale(area), buf);
     }
 
-    /// The line of time: begin, cursor, end.
+    /// The line of time with the cursor in it. Its begin stands before it, and its end below: the cursor comes to
+    /// every place of the line.
     fn draw_axis(core: &Core, axis: &Axis, area: Rect, buf: &mut Buffer) {
         let theme = &core.theme;
         let inside = behind_scale(area);
@@ -155,17 +156,14 @@ impl BusPane {
             &theme.glyph(Glyph::Horizontal).repeat(usize::from(inside.width)),
             style,
         );
-        let zero = core.zero().unwrap_or_default();
-        let quiet = theme.style(Role::Quiet);
-        let text = |time: i64| Line::styled(format!("{} s", seconds(Timestamp(time).since(zero))), quiet);
-        let begin = text(axis.start);
+        let begin = Line::styled(moment(core, axis.start), theme.style(Role::Quiet));
         draw::line(buf, Rect { width: SCALE - 1, ..area }, &begin, draw::Align::Right, theme);
-        draw::line(buf, inside, &text(axis.end()), draw::Align::Right, theme);
         if let Some(column) = core.time().or(core.zero()).and_then(|time| axis.column_of(time.0)) {
             draw::put(buf, inside.x + column, inside.y, 1, theme.glyph(Glyph::Up), theme.style(Role::Cursor));
         }
     }
 
+    /// What there is at the cursor, and on the right where the line of time ends.
     fn draw_cursor(
         core: &Core,
         axis: &Axis,
@@ -175,25 +173,29 @@ impl BusPane {
         buf: &mut Buffer,
     ) {
         let theme = &core.theme;
+        let end = moment(core, axis.end());
+        let inside = behind_scale(area);
+        let room = inside.width.saturating_sub(draw::width(&end) + 1);
+        draw::line(buf, inside, &Line::styled(end, theme.style(Role::Quiet)), draw::Align::Right, theme);
         let Some(time) = core.time().or(core.zero()) else { return };
         let Some(content) = axis.column_of(time.0).and_then(|column| contents.get(usize::from(column)))
         else {
             return;
         };
-        let zero = core.zero().unwrap_or_default();
         let load = match rate {
             Some(rate) => format!("{:.1} %", percent(content.bits, rate)),
             None => format!("{}/s", bits(u128::from(content.bits))),
         };
         let mut spans = vec![
-            Span::styled(format!("t {} s", seconds(time.since(zero))), theme.style(Role::Title)),
+            Span::styled(format!("t {}", moment(core, time.0)), theme.style(Role::Title)),
             Span::raw(format!("  here {load}, {} frames/s", content.frames)),
         ];
         if content.errors > 0 {
             let text = format!("  {}", plural(content.errors, "error frame"));
             spans.push(Span::styled(text, theme.style(Role::Bad)));
         }
-        draw::line(buf, behind_scale(area), &Line::from(spans), draw::Align::Left, theme);
+        let here = Rect { width: room, ..inside };
+        draw::line(buf, here, &Line::from(spans), draw::Align::Left, theme);
     }
 
     /// A column to the left or right, and never to where it was.
@@ -225,6 +227,11 @@ impl BusPane {
         }
         Vec::new()
     }
+}
+
+/// A time as seconds from the first frame.
+fn moment(core: &Core, time: i64) -> String {
+    format!("{} s", seconds(Timestamp(time).since(core.zero().unwrap_or_default())))
 }
 
 #[expect(clippy::cast_precision_loss, reason = "shown with a few digits")]

@@ -13,10 +13,11 @@ use cobscope_decoder::finding::{Cause, Findings, Group, SuppressionUse};
 use cobscope_decoder::rules::section;
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::findings::incident::absorbed;
-use cobscope_decoder::sink::findings::{moment, notes, what, who};
+use cobscope_decoder::sink::findings::{self, moment, what, who};
 use cobscope_decoder::words::plural;
 use ratatui::text::{Line, Span};
 
+use super::chosen::Chosen;
 use super::rows::Facts;
 use crate::app::Core;
 use crate::panes::common::{Labelled, severity_role, time};
@@ -26,14 +27,15 @@ use crate::timeline::Survey;
 /// Columns for labels.
 const LABEL: u16 = 13;
 
-/// What limits the verdicts, as `check` says it.
-pub(super) fn quality(core: &Core, survey: &Survey) -> Vec<Line<'static>> {
+/// What the filter leaves out, and what limits the verdicts, as `check` says it.
+pub(super) fn notes(core: &Core, survey: &Survey, chosen: Option<&Chosen>) -> Vec<Line<'static>> {
     let theme = &core.theme;
     let labelled = |role: Role, label: &str, text: &str| {
         let label = Span::styled(format!("{label:<9}"), theme.style(role));
         Line::from(vec![label, Span::raw(escape(text).into_owned())])
     };
     let mut lines = Vec::new();
+    lines.extend(chosen.map(|chosen| labelled(Role::Note, "filter", &chosen.words())));
     if let Some(failure) = core.timeline.failure() {
         lines.push(labelled(Role::Bad, "unread", &failure));
     }
@@ -65,7 +67,8 @@ pub(super) fn lines(core: &Core, findings: &Findings, group: &Group) -> Labelled
     if let Some(reason) = &group.suppressed {
         lines.push(labelled("  suppressed", reason));
     }
-    lines.extend(notes(group, core.zero()).into_iter().map(|note| ("", plain(format!("  {note}")))));
+    lines
+        .extend(findings::notes(group, core.zero()).into_iter().map(|note| ("", plain(format!("  {note}")))));
     if let Some(cause) = cause(findings, group) {
         lines.push(labelled("  caused by", &cause));
     }

@@ -1,6 +1,7 @@
 //! Findings: what is wrong, by cause, the worst first; below the table all of the selected one.
 //!
 //! ```text
+//! filter   2 of 4 findings match severity >= warning; c shows all
 //! quality  27 error frames
 //! How bad  Node     ×    First   Cursor  Finding
 //! warning  can0     1    4.030   -1.200  ▾ 17 error frames in a second; 10 are too many
@@ -10,6 +11,7 @@
 //!   at 4.210 s {129}
 //! ```
 
+mod chosen;
 mod detail;
 mod rows;
 
@@ -22,6 +24,7 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
 
+use self::chosen::{Chosen, Filtered};
 use self::rows::{Facts, Item, facts, group, items};
 use super::Pane;
 use super::common::{ahead, bus_name, divider, has_buses, move_in, node_filter, severity_role, time};
@@ -39,8 +42,16 @@ pub struct Findings {
     selected: Option<u64>,
     /// Findings whose effects are folded away.
     folded: BTreeSet<u64>,
+    listed: Listed,
+}
+
+/// The rows.
+#[derive(Debug, Clone, Default)]
+struct Listed {
     rows: Vec<Item>,
-    /// What the rows were made of.
+    /// What the filter in force left.
+    chosen: Option<Chosen>,
+    /// What they were made of.
     made: Option<Made>,
 }
 
@@ -51,13 +62,25 @@ struct Made {
     is_complete: bool,
     folded: usize,
     sort: Option<(usize, bool)>,
+    filter: Option<Filtered>,
 }
 
-/// Columns, in order.
-fn columns(has_buses: bool) -> Vec<Column> {
+/// Room for what is wrong: at least `LEAST_TEXT`, and `WANTED_TEXT` before columns that only complete the picture stand
+/// beside it.
+const LEAST_TEXT: u16 = 28;
+const WANTED_TEXT: u16 = 72;
+
+/// What the other columns take up to the distance from the cursor, with the spaces behind them and a scrollbar.
+const IMPORTANT: u16 = 58;
+
+/// Columns, in order, for a table of `width`.
+fn columns(has_buses: bool, width: u16) -> Vec<Column> {
+    let bus = 5;
+    let (important, others) = if has_buses { (9, IMPORTANT + bus + 1) } else { (0, IMPORTANT) };
+    let text = width.saturating_sub(others).clamp(LEAST_TEXT, WANTED_TEXT);
     vec![
         Column::new("How bad", Width::Fixed(7)).priority(11),
-        Column::new("Bus", Width::Fixed(5)).priority(if has_buses { 9 } else { 0 }),
+        Column::new("Bus", Width::Fixed(bus)).priority(important),
         Column::new("Node", Width::Fixed(12)).priority(10),
         Column::new("×", Width::Fixed(5)).right().priority(8),
         Column::new("First", Width::Fixed(9)).right().priority(9),
@@ -65,7 +88,7 @@ fn columns(has_buses: bool) -> Vec<Column> {
         Column::new("Cursor", Width::Fixed(9)).right().priority(7),
         Column::new("Rule", Width::Fixed(24)).priority(2),
         Column::new("About", Width::Fixed(10)).priority(1),
-        Column::new("Finding", Width::Min(28)),
+        Column::new("Finding", Width::Min(text)),
     ]
 }
 
@@ -104,21 +127,25 @@ fn parts(area: Rect, notes: usize, rows: usize) -> Parts {
 }
 
 impl Findings {
-    fn made(&self, survey: &Survey) -> Made {
+    fn made(&self, core: &Core, survey: &Survey) -> Made {
         Made {
             openings: survey.news.len(),
             is_complete: survey.findings.is_some(),
             folded: self.folded.len(),
             sort: self.table.sort,
+            filter: Filtered::new(core),
         }
     }
 
     /// The rows; those at hand where nothing changed.
-    fn items(&self, survey: &Survey) -> Cow<'_, [Item]> {
-        if self.made.as_ref() == Some(&self.made(survey)) {
-            return Cow::Borrowed(&self.rows);
+    fn listed(&self, core: &Core, survey: &Survey) -> Cow<'_, Listed> {
+        let made = self.made(core, survey);
+        if self.listed.made.as_ref() == Some(&made) {
+            return Cow::Borrowed(&self.listed);
         }
-        Cow::Owned(items(survey, &self.folded, self.table.sort))
+        let chosen = Chosen::new(core, survey);
+        let rows = items(survey, chosen.as_ref(), &self.folded, self.table.sort);
+        Cow::Owned(Listed { rows, chosen, made: Some(made) })
     }
 
     /// Where the selected finding is among the rows.
@@ -132,28 +159,28 @@ impl Findings {
     }
 
     /// The selected finding.
-    fn item(&self, survey: &Survey) -> Option<Item> {
-        let items = self.items(survey);
-        items.get(self.at(&items)).copied()
+    fn item(&self, core: &Core, survey: &Survey) -> Option<Item> {
+        let listed = self.listed(core, survey);
+        listed.rows.get(self.at(&listed.rows)).copied()
     }
 
     /// Height of the table as it is drawn.
     fn height(&self, core: &Core, survey: &Survey) -> usize {
-        let notes = detail::quality(core, survey).len();
-        Table::height(parts(Rect::new(0, 0, 80, core.height), notes, self.rows.len()).table)
+        let notes = detail::notes(core, survey, self.listed.chosen.as_ref()).len();
+        Table::height(parts(Rect::new(0, 0, 80, core.height), notes, self.listed.rows.len()).table)
     }
 
     fn moves(&mut self, action: Action, core: &Core, survey: &Survey) {
-        let (len, height) = (self.rows.len(), self.height(core, survey));
-        self.table.selected = self.at(&self.rows);
+        let (len, height) = (self.listed.rows.len(), self.height(core, survey));
+        self.table.selected = self.at(&self.listed.rows);
         move_in(&mut self.table, action, height, len);
-        self.selected = self.rows.get(self.table.selected).map(|item| item.id);
+        self.selected = self.listed.rows.get(self.table.selected).map(|item| item.id);
     }
 
     /// To the first evidence.
     fn open(&self, core: &Core) -> Vec<Effect> {
         let survey = core.timeline.survey();
-        let told = self.item(&survey).and_then(|item| Some((item, facts(&survey, &item)?)));
+        let told = self.item(core, &survey).and_then(|item| Some((item, facts(&survey, &item)?)));
         drop(survey);
         let Some((item, facts)) = told else { return Vec::new() };
         let node = facts.node.map(|node| Effect::Node((facts.bus, node)));
@@ -166,7 +193,7 @@ impl Findings {
     }
 
     fn draw_detail(&self, core: &Core, survey: &Survey, area: Rect, buf: &mut Buffer) {
-        let Some(item) = self.item(survey) else { return };
+        let Some(item) = self.item(core, survey) else { return };
         let (title, lines) = match (&survey.findings, group(survey, &item)) {
             (Some(findings), Some(group)) => {
                 let title = format!("{} {}", group.severity.name(), group.rule);
@@ -188,8 +215,9 @@ impl Findings {
 impl Pane for Findings {
     fn render(&self, core: &Core, area: Rect, buf: &mut Buffer) {
         let survey = core.timeline.survey();
-        let notes = detail::quality(core, &survey);
-        let items = self.items(&survey);
+        let listed = self.listed(core, &survey);
+        let (items, chosen) = (&listed.rows, listed.chosen.as_ref());
+        let notes = detail::notes(core, &survey, chosen);
         let parts = parts(area, notes.len(), items.len());
         let left_out = notes.len().saturating_sub(usize::from(parts.quality.height));
         for (y, note) in (parts.quality.top()..parts.quality.bottom()).zip(&notes) {
@@ -200,8 +228,8 @@ impl Pane for Findings {
                 draw::line(buf, place, &more, draw::Align::Right, &core.theme);
             }
         }
-        let (state, has_buses) = (self.state(&items), has_buses(core));
-        let (columns, empty) = (columns(has_buses), empty(&survey));
+        let (state, has_buses) = (self.state(items), has_buses(core));
+        let (columns, empty) = (columns(has_buses, parts.table.width), empty(&survey, chosen));
         let row = |index: usize| -> Row<'_> {
             let item = items.get(index);
             let told = item.and_then(|item| Some((item, facts(&survey, item)?)));
@@ -225,7 +253,8 @@ impl Pane for Findings {
             Action::Right => self.table.move_column(1, TEXT + 1),
             Action::Sort => self.table.cycle_sort(),
             Action::Toggle => {
-                let item = self.rows.get(self.at(&self.rows)).filter(|item| item.open.is_some());
+                let item =
+                    self.listed.rows.get(self.at(&self.listed.rows)).filter(|item| item.open.is_some());
                 let Some(id) = item.map(|item| item.id) else {
                     return vec![Effect::Refuse("nothing follows from this finding".into())];
                 };
@@ -243,27 +272,27 @@ impl Pane for Findings {
     fn click(&mut self, x: u16, y: u16, area: Rect, core: &Core) -> Vec<Effect> {
         self.refresh(core);
         let survey = core.timeline.survey();
-        let table_area = parts(area, detail::quality(core, &survey).len(), self.rows.len()).table;
-        let columns = columns(has_buses(core));
-        let table = Table::new(&core.theme, &columns).row_count(self.rows.len());
+        let rows = &self.listed.rows;
+        let notes = detail::notes(core, &survey, self.listed.chosen.as_ref()).len();
+        let table_area = parts(area, notes, rows.len()).table;
+        let columns = columns(has_buses(core), table_area.width);
+        let table = Table::new(&core.theme, &columns).row_count(rows.len());
         if let Some(column) = table.column_at(table_area, x) {
             self.table.column = column;
         }
         if Table::is_title_at(table_area, y) {
             self.table.cycle_sort();
-        } else if let Some(row) = table.row_at(table_area, y, &self.state(&self.rows)) {
-            self.selected = self.rows.get(row).map(|item| item.id);
+        } else if let Some(row) = table.row_at(table_area, y, &self.state(rows)) {
+            self.selected = rows.get(row).map(|item| item.id);
         }
         Vec::new()
     }
 
     fn refresh(&mut self, core: &Core) {
         let survey = core.timeline.survey();
-        let made = self.made(&survey);
-        if self.made.as_ref() != Some(&made) {
-            self.rows = items(&survey, &self.folded, self.table.sort);
-            self.made = Some(made);
-            self.table.selected = self.at(&self.rows);
+        if let Cow::Owned(listed) = self.listed(core, &survey) {
+            self.listed = listed;
+            self.table.selected = self.at(&self.listed.rows);
         }
     }
 
@@ -272,6 +301,7 @@ impl Pane for Findings {
             Action::Open,
             Action::Toggle,
             Action::Sort,
+            Action::Filter,
             Action::FilterCell,
             Action::NextFinding,
             Action::PreviousFinding,
@@ -281,7 +311,7 @@ impl Pane for Findings {
 
     fn filter_of_cell(&self, core: &Core) -> Option<String> {
         let survey = core.timeline.survey();
-        let facts = facts(&survey, &self.item(&survey)?)?;
+        let facts = facts(&survey, &self.item(core, &survey)?)?;
         drop(survey);
         match facts.node {
             Some(node) => Some(node_filter(node)),
@@ -291,7 +321,7 @@ impl Pane for Findings {
 
     fn line(&self, core: &Core) -> Option<String> {
         let survey = core.timeline.survey();
-        let facts = facts(&survey, &self.item(&survey)?)?;
+        let facts = facts(&survey, &self.item(core, &survey)?)?;
         drop(survey);
         let (severity, bus) = (facts.severity.name(), bus_name(core, facts.bus));
         let (time, frame) = (time(core, facts.began), facts.frame);
@@ -303,7 +333,10 @@ impl Pane for Findings {
 }
 
 /// What is said where there are no findings.
-fn empty(survey: &Survey) -> String {
+fn empty(survey: &Survey, chosen: Option<&Chosen>) -> String {
+    if chosen.is_some_and(|chosen| !chosen.is_of_none()) {
+        return "no finding is shown; c clears the filter".into();
+    }
     let Some(findings) = &survey.findings else { return "no findings so far".into() };
     let used = findings.rules.iter().zip(&findings.tallies).filter(|(rule, _)| rule.is_on);
     let (none, judged): (Vec<_>, Vec<_>) =

@@ -15,6 +15,7 @@ use cobscope_decoder::sink::findings::incident::incidents;
 use cobscope_decoder::sink::findings::what;
 use cobscope_decoder::wire::NodeId;
 
+use super::chosen::Chosen;
 use crate::timeline::{Opened, Survey};
 
 /// One row: a finding by its number, and its place in the tree.
@@ -48,11 +49,17 @@ pub(super) struct Facts {
     pub(super) is_suppressed: bool,
 }
 
-/// The rows: by cause and worst first, or by a column and whether descending.
-pub(super) fn items(survey: &Survey, folded: &BTreeSet<u64>, sort: Option<(usize, bool)>) -> Vec<Item> {
+/// The rows a filter leaves: by cause and worst first, or by a column and whether descending.
+pub(super) fn items(
+    survey: &Survey,
+    chosen: Option<&Chosen>,
+    folded: &BTreeSet<u64>,
+    sort: Option<(usize, bool)>,
+) -> Vec<Item> {
+    let is_chosen = |id: u64| chosen.is_none_or(|chosen| chosen.has(id));
     let mut items = match &survey.findings {
-        Some(findings) => tree(findings, folded, sort.is_some()),
-        None => opened(&survey.news),
+        Some(findings) => tree(findings, &is_chosen, folded, sort.is_some()),
+        None => opened(&survey.news, &is_chosen),
     };
     if let Some((column, is_descending)) = sort {
         let mut told: Vec<_> = items.iter().filter_map(|item| Some((facts(survey, item)?, *item))).collect();
@@ -66,19 +73,25 @@ pub(super) fn items(survey: &Survey, folded: &BTreeSet<u64>, sort: Option<(usize
 }
 
 /// What opened so far: each finding once, the worst first.
-fn opened(news: &[Opened]) -> Vec<Item> {
+fn opened(news: &[Opened], is_chosen: &dyn Fn(u64) -> bool) -> Vec<Item> {
     let mut seen = BTreeSet::new();
     let all = news.iter().enumerate();
-    let mut first: Vec<_> = all.filter(|(_, opened)| seen.insert(opened.news.id)).collect();
+    let mut first: Vec<_> =
+        all.filter(|(_, opened)| is_chosen(opened.news.id) && seen.insert(opened.news.id)).collect();
     first.sort_by_key(|(_, opened)| std::cmp::Reverse(opened.news.severity));
     let item = |(place, opened): (usize, &Opened)| Item { id: opened.news.id, place, depth: 0, open: None };
     first.into_iter().map(item).collect()
 }
 
 /// Each incident with what follows from its cause, and at the end what does not count.
-fn tree(findings: &Findings, folded: &BTreeSet<u64>, is_flat: bool) -> Vec<Item> {
+fn tree(
+    findings: &Findings,
+    is_chosen: &dyn Fn(u64) -> bool,
+    folded: &BTreeSet<u64>,
+    is_flat: bool,
+) -> Vec<Item> {
     let mut items: Vec<Item> = Vec::new();
-    for incident in incidents(findings.counting()) {
+    for incident in incidents(findings.counting().filter(|group| is_chosen(group.id))) {
         // What lies deeper than this is folded away.
         let mut hidden_below = usize::MAX;
         for (at, (depth, group)) in incident.groups.iter().enumerate() {
@@ -92,7 +105,7 @@ fn tree(findings: &Findings, folded: &BTreeSet<u64>, is_flat: bool) -> Vec<Item>
             items.push(item(group, depth, has_effects.then_some(!is_folded)));
         }
     }
-    let suppressed = findings.groups.iter().filter(|group| group.suppressed.is_some());
+    let suppressed = findings.groups.iter().filter(|group| group.suppressed.is_some() && is_chosen(group.id));
     items.extend(suppressed.map(|group| item(group, 0, None)));
     items
 }

@@ -1,0 +1,157 @@
+//! Which findings the filter in force means.
+//!
+//! ```text
+//! node == 5      findings have a node: those of node 5
+//! kind == emcy   no finding is of that kind: those in frames that brought an event that is shown
+//! ```
+
+use std::collections::BTreeSet;
+
+use cobscope_decoder::event::{Event, EventKind, FindingNews, FrameRange, Protocol};
+use cobscope_decoder::finding::{Findings, Group, Occurrence};
+use cobscope_decoder::frame::BusIndex;
+use cobscope_decoder::query::Filter;
+use cobscope_decoder::replay::World;
+use cobscope_decoder::wire::NodeId;
+use cobscope_decoder::words::plural;
+
+use crate::app::Core;
+use crate::panes::common::last_world;
+use crate::timeline::{Matches, Survey};
+
+/// The kind of event that tells of a finding.
+const KIND: &str = "finding-opened";
+
+/// What the choice of a filter depends on.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Filtered {
+    text: String,
+    only_news: bool,
+    buses: usize,
+    /// Where frames decide: events shown so far, and whether these are all.
+    shown: Option<(u64, bool)>,
+}
+
+impl Filtered {
+    pub(super) fn new(core: &Core) -> Option<Self> {
+        let filter = core.matcher.filter.as_ref()?;
+        let matches = if is_of_findings(filter) { None } else { core.timeline.matches() };
+        let shown = matches.map(|matches| (matches.count(), matches.is_complete()));
+        let buses = last_world(core).map_or(0, |world| world.buses().len());
+        Some(Self { text: core.filter.clone(), only_news: core.matcher.only_news, buses, shown })
+    }
+}
+
+/// Whether findings have what a filter asks for.
+fn is_of_findings(filter: &Filter) -> bool {
+    filter.kinds().contains_name(KIND)
+}
+
+/// Findings by what a filter chose.
+#[derive(Debug, Clone)]
+pub(super) struct Chosen {
+    ids: BTreeSet<u64>,
+    /// How many there are without the filter.
+    all: usize,
+    /// What of the filter decided, in words.
+    how: String,
+}
+
+impl Chosen {
+    /// What the filter in force chooses; nothing where there is none.
+    pub(super) fn new(core: &Core, survey: &Survey) -> Option<Self> {
+        let filter = core.matcher.filter.as_ref()?;
+        let all = all(survey);
+        let (ids, how) = if is_of_findings(filter) {
+            let world = last_world(core)?;
+            (Judge { filter, world: &world }.ids(survey), "match")
+        } else {
+            let shown = core.timeline.matches()?;
+            let how = if shown.is_complete() { "in frames shown by" } else { "so far in frames shown by" };
+            (in_frames(survey, &shown), how)
+        };
+        let how = format!("{how} {}", core.filter);
+        Some(Self { ids: ids.intersection(&all).copied().collect(), all: all.len(), how })
+    }
+
+    /// Whether a finding is shown.
+    pub(super) fn has(&self, id: u64) -> bool {
+        self.ids.contains(&id)
+    }
+
+    /// Whether there is nothing to choose from.
+    pub(super) fn is_of_none(&self) -> bool {
+        self.all == 0
+    }
+
+    /// `2 of 4 findings match node == 5; c shows all`
+    pub(super) fn words(&self) -> String {
+        format!("{} of {} {}; c shows all", self.ids.len(), plural(self.all, "finding"), self.how)
+    }
+}
+
+/// All findings that have a row.
+fn all(survey: &Survey) -> BTreeSet<u64> {
+    match &survey.findings {
+        Some(findings) => {
+            let groups = findings.groups.iter().filter(|group| group.counts() || group.suppressed.is_some());
+            groups.map(|group| group.id).collect()
+        }
+        None => survey.news.iter().map(|opened| opened.news.id).collect(),
+    }
+}
+
+/// Findings in frames that brought an event that is shown: where they opened, and where they were seen, as far as that
+/// is kept.
+fn in_frames(survey: &Survey, shown: &Matches) -> BTreeSet<u64> {
+    let opened = survey.news.iter().map(|opened| (opened.news.id, opened.spot.frame));
+    let groups = survey.findings.iter().flat_map(|findings| &findings.groups);
+    let seen = groups.flat_map(|group| occurrences(group).map(|seen| (group.id, seen.frames.last)));
+    opened.chain(seen).filter(|(_, frame)| shown.has_frame(*frame)).map(|(id, _)| id).collect()
+}
+
+fn occurrences(group: &Group) -> impl Iterator<Item = Occurrence> {
+    group.first.iter().chain(&group.last).copied()
+}
+
+/// Asks the filter of the events that tell of findings.
+struct Judge<'a> {
+    filter: &'a Filter,
+    world: &'a World,
+}
+
+impl Judge<'_> {
+    fn ids(&self, survey: &Survey) -> BTreeSet<u64> {
+        if let Some(findings) = &survey.findings {
+            let groups = findings.groups.iter().filter(|group| self.takes_group(findings, group));
+            return groups.map(|group| group.id).collect();
+        }
+        let opened = survey.news.iter().filter(|opened| {
+            let at = Occurrence { time: opened.time, frames: FrameRange::one(opened.spot.frame) };
+            self.takes((opened.bus, opened.node), at, &opened.news)
+        });
+        opened.map(|opened| opened.news.id).collect()
+    }
+
+    /// A time or a frame means each occurrence that is kept.
+    fn takes_group(&self, findings: &Findings, group: &Group) -> bool {
+        let Some(rule) = findings.rules.get(usize::from(group.key.rule)) else { return false };
+        let news = group.news(rule);
+        occurrences(group).any(|at| self.takes((group.key.bus, group.key.node), at, &news))
+    }
+
+    fn takes(&self, (bus, node): (BusIndex, Option<NodeId>), at: Occurrence, news: &FindingNews) -> bool {
+        let Some(told) = self.world.buses().get(usize::from(bus.0)) else { return false };
+        let event = Event {
+            time: at.time,
+            bus,
+            frames: at.frames,
+            protocol: Protocol::Can,
+            node,
+            presumed: false,
+            routine: false,
+            kind: EventKind::FindingOpened(Box::new(news.clone())),
+        };
+        self.filter.matches(&event, told, None)
+    }
+}
