@@ -55,6 +55,41 @@ fn no_output_goes_over_what_is_read() {
     assert_eq!(fs::read_to_string(path("g.log")).unwrap(), BOOT);
 }
 
+/// A recorder that was switched off: all before the last record is there, but nobody takes it for the whole.
+#[test]
+fn captures_cut_off_inside_a_record_are_not_read_to_their_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let converted = |name: &str| {
+        let output = run_in(folder.path(), &["convert", "whole.log", name], "");
+        assert_eq!(output.code, 0, "{}", output.stderr);
+        fs::read(folder.path().join(name)).unwrap()
+    };
+    let recorded = |name: &str| fs::read(workspace().join("fixtures/recorders").join(name)).unwrap();
+    fs::write(folder.path().join("whole.log"), BOOT.repeat(3)).unwrap();
+    let captures = [
+        ("pcapng", converted("a.pcapng")),
+        ("blf", recorded("stored.blf")),
+        ("mf4", recorded("unsorted.mf4")),
+    ];
+    for (end, bytes) in captures {
+        for (name, missing, code) in [("whole", 0, 0), ("cut", 3, 3)] {
+            let name = format!("{name}.{end}");
+            fs::write(folder.path().join(&name), &bytes[..bytes.len() - missing]).unwrap();
+            for command in [&["decode"][..], &["check", "--fail-on", "never"], &["stats"]] {
+                let output = run_in(folder.path(), &[command, &[&name]].concat(), "");
+                assert_eq!(output.code, code, "{command:?} {name}: {}", output.stderr);
+                let is_said = output.stderr.starts_with(&format!("cobscope: {name}: byte "));
+                assert_eq!(is_said, code == 3, "{command:?} {name}: {}", output.stderr);
+                let is_event = output.stdout.contains("UNREAD");
+                assert!(command != ["decode"] || is_event == is_said, "{name}: {}", output.stdout);
+            }
+        }
+    }
+    // Half a line of text is a line like any other.
+    fs::write(folder.path().join("cut.log"), BOOT.repeat(3).trim_end().trim_end_matches("00")).unwrap();
+    assert_eq!(run_in(folder.path(), &["decode", "cut.log"], "").code, 0);
+}
+
 #[test]
 fn other_files_are_written_over_and_a_report_may_lie_in_the_folder() {
     let folder = tempfile::tempdir().unwrap();

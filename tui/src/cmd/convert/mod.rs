@@ -51,7 +51,8 @@ pub fn run(arguments: &ConvertArgs) -> Exit {
         Ok(output) => output,
         Err(error) => return refuse(&error, Exit::Usage),
     };
-    Conversion { arguments, options, choice, output, unreadable: 0, is_first: true }.run(input)
+    Conversion { arguments, options, choice, output, unreadable: 0, is_first: true, exit: Exit::Clean }
+        .run(input)
 }
 
 fn refuse(error: &anyhow::Error, exit: Exit) -> Exit {
@@ -121,11 +122,11 @@ struct Conversion<'a> {
     output: Output,
     unreadable: u64,
     is_first: bool,
+    exit: Exit,
 }
 
 impl Conversion<'_> {
     fn run(mut self, mut input: Input) -> Exit {
-        let mut exit = Exit::Clean;
         let mut has_frames = false;
         loop {
             match input.read() {
@@ -133,7 +134,7 @@ impl Conversion<'_> {
                 Ok(false) => break,
                 Err(error) => {
                     complain(&error);
-                    exit = Exit::Capture;
+                    self.exit = Exit::Capture;
                     continue;
                 }
             }
@@ -153,13 +154,13 @@ impl Conversion<'_> {
         }
         if !has_frames {
             complain(&anyhow::anyhow!("{}: holds no frame", input.names()));
-            exit = Exit::Capture;
+            self.exit = Exit::Capture;
         }
         match self.output.finish(input.buses(), has_frames) {
             Ok(said) => said.iter().for_each(|text| say(text)),
             Err(error) => return end(&error),
         }
-        exit
+        self.exit
     }
 
     /// Of captures that were not read to their end not all buses are known.
@@ -207,6 +208,14 @@ impl Conversion<'_> {
                 self.unreadable += 1;
                 if self.unreadable <= NAMED {
                     say(&format!("{}: {notice}", input.names()));
+                }
+                Ok(())
+            }
+            Notice::CutOff { .. } => {
+                // Who wants no more of it does not ask how it ends.
+                if !self.choice.is_over() {
+                    say(&format!("{}: {notice}", input.names()));
+                    self.exit = Exit::Capture;
                 }
                 Ok(())
             }
