@@ -19,6 +19,9 @@ fn no_output_goes_over_what_is_read() {
         fs::write(path(name), BOOT).unwrap();
     }
     fs::write(path("bus.toml"), "[node.5]\nname = 'pump'\n").unwrap();
+    fs::copy(workspace().join("fixtures/device_files/valve.eds"), path("valve.eds")).unwrap();
+    fs::copy(workspace().join("fixtures/dbc/signals.dbc"), path("signals.dbc")).unwrap();
+    fs::write(path("named.toml"), "dbc = 'signals.dbc'\n[node.5]\neds = 'valve.eds'\n").unwrap();
     fs::hard_link(path("g.log"), path("twin.log")).unwrap();
     symlink("g.log", path("link.log")).unwrap();
     symlink("g.log", path("run.events.parquet")).unwrap();
@@ -29,6 +32,9 @@ fn no_output_goes_over_what_is_read() {
         &["decode", "-f", "mcap", "-o", "g.log", "g.log"],
         &["decode", "-f", "parquet", "-o", "run", "g.log"],
         &["decode", "--bus", "bus.toml", "-o", "bus.toml", "g.log"],
+        &["decode", "--bus", "named.toml", "-o", "valve.eds", "g.log"],
+        &["check", "--bus", "named.toml", "-o", "signals.dbc", "g.log"],
+        &["convert", "--force", "--bus", "named.toml", "-f", "candump", "g.log", "valve.eds"],
         &["check", "-o", "g.log", "g.log"],
         &["check", "-o", "captures/a.log", "captures"],
         &["check", "--baseline", "w.log", "--update-baseline", "w.log"],
