@@ -188,6 +188,18 @@ fn several_captures_are_one_in_order_of_time() {
 }
 
 #[test]
+fn numbers_of_buses_are_those_of_the_file() {
+    let folder = Folder::new();
+    folder.write("a.log", "(1.0) can0 101#01\n(2.0) can1 705#05\n(3.0) can2 706#05\n");
+    let said = |words: &[&str]| folder.convert(words).stderr;
+    let some = said(&["--only-node", "can1:5", "--only-node", "can2:6", "@a.log", "@some.trc"]);
+    assert!(some.ends_with("PEAK TRC numbers its buses: can1 is 1, can2 is 2\n"), "{some}");
+    let parts = said(&["--split-at", "node == 6", "@a.log", "@part.asc"]);
+    let expected = "Vector ASC numbers its buses, each file anew: its comments name them";
+    assert!(parts.contains(expected), "{parts}");
+}
+
+#[test]
 fn what_is_true_of_several_captures_is_said_once() {
     let folder = Folder::new();
     let lines = |first: u32| {
