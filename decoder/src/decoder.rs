@@ -55,7 +55,7 @@ impl Decoder {
     pub fn notice(&mut self, notice: &Notice, names: &BusNames, out: &mut dyn Observer) {
         let mut bus = BusIndex(0);
         let kind = match notice {
-            Notice::Unreadable { place, reason } => {
+            Notice::Unreadable { place, reason } | Notice::CutOff { place, reason } => {
                 self.unreadable += 1;
                 if self.unreadable > SHOWN_UNREADABLE {
                     return;

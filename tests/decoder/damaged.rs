@@ -99,7 +99,7 @@ fn packed() -> Vec<(&'static str, Vec<u8>)> {
 fn content(name: &str, bytes: &[u8]) -> Content {
     let content = parse(&mut *(format(name).parser)(&ReadOptions::default()), bytes, || usize::MAX);
     for (_, notice) in &content.notices {
-        if let Notice::Unreadable { place, reason } = notice {
+        if let Notice::Unreadable { place, reason } | Notice::CutOff { place, reason } = notice {
             let is_line = matches!(place, Place::Line(line) if *line > 0);
             // Links of MDF4 lead to where something should be.
             let within = |at: u64| name == "mdf4" || at <= bytes.len() as u64;
@@ -118,6 +118,11 @@ fn is_told(content: &Content) -> bool {
         _ => true,
     };
     content.error.is_some() || content.notices.iter().any(|(_, notice)| is_remark(notice))
+}
+
+/// Whether it is said to end inside a record.
+fn is_cut_off(content: &Content) -> bool {
+    content.notices.iter().any(|(_, notice)| matches!(notice, Notice::CutOff { .. }))
 }
 
 /// About [`PLACES`] places of a capture, all of a small one.
@@ -188,6 +193,17 @@ fn a_capture_cut_off_anywhere_gives_all_before_the_cut_and_nothing_else() {
             is_text || silent <= whole.frames.len() + 3,
             "{name}: {silent} cuts of which nothing is said"
         );
+    }
+}
+
+#[test]
+fn a_capture_that_ends_inside_its_last_record_says_so_and_a_whole_one_does_not() {
+    for (name, bytes) in captures().into_iter().chain(packed()) {
+        assert!(!is_cut_off(&content(name, &bytes)), "{name}");
+        // Of text the last line is one like any other; behind the last record of MCAP a magic stands.
+        let missing = if name == "mcap" { 12 } else { 3 };
+        let cut = content(name, &bytes[..bytes.len() - missing]);
+        assert_eq!(is_cut_off(&cut), !format(name).is_text, "{name}: {:?}", cut.notices);
     }
 }
 

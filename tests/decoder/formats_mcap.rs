@@ -79,7 +79,11 @@ fn a_recording_cut_off_anywhere_gives_what_is_whole_and_says_so() {
                 [Notice::Assumption(text)] => text == UNFINISHED,
                 notices => notices.iter().all(|notice| {
                     let within = |at: u64| usize::try_from(at).unwrap() <= cut;
-                    matches!(notice, Notice::Unreadable { place: Place::Offset(at), .. } if within(*at))
+                    matches!(
+                        notice,
+                        Notice::Unreadable { place: Place::Offset(at), .. }
+                        | Notice::CutOff { place: Place::Offset(at), .. } if within(*at)
+                    )
                 }),
             };
             assert!(is_told && !notices.is_empty(), "{packing:?}: {cut} bytes: {notices:?}");

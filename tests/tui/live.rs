@@ -205,6 +205,7 @@ fn what_cannot_be_watched_is_said_with_what_to_do() {
     refused(&["-", "--print", "--record", "/no/such/folder/x.log"], 2, "/no/such/folder");
     refused(&["-", "--print", "--record", "x.txt"], 2, ".pcapng");
     refused(&["-", "--record-size", "1M", "--print"], 2, "--record");
+    refused(&["-", "--print", "--record", "x.log", "--record-size", "10"], 2, "expected 64k or more");
     refused(&["-"], 2, "--print");
 }
 

@@ -19,6 +19,9 @@ fn no_output_goes_over_what_is_read() {
         fs::write(path(name), BOOT).unwrap();
     }
     fs::write(path("bus.toml"), "[node.5]\nname = 'pump'\n").unwrap();
+    fs::copy(workspace().join("fixtures/device_files/valve.eds"), path("valve.eds")).unwrap();
+    fs::copy(workspace().join("fixtures/dbc/signals.dbc"), path("signals.dbc")).unwrap();
+    fs::write(path("named.toml"), "dbc = 'signals.dbc'\n[node.5]\neds = 'valve.eds'\n").unwrap();
     fs::hard_link(path("g.log"), path("twin.log")).unwrap();
     symlink("g.log", path("link.log")).unwrap();
     symlink("g.log", path("run.events.parquet")).unwrap();
@@ -29,6 +32,9 @@ fn no_output_goes_over_what_is_read() {
         &["decode", "-f", "mcap", "-o", "g.log", "g.log"],
         &["decode", "-f", "parquet", "-o", "run", "g.log"],
         &["decode", "--bus", "bus.toml", "-o", "bus.toml", "g.log"],
+        &["decode", "--bus", "named.toml", "-o", "valve.eds", "g.log"],
+        &["check", "--bus", "named.toml", "-o", "signals.dbc", "g.log"],
+        &["convert", "--force", "--bus", "named.toml", "-f", "candump", "g.log", "valve.eds"],
         &["check", "-o", "g.log", "g.log"],
         &["check", "-o", "captures/a.log", "captures"],
         &["check", "--baseline", "w.log", "--update-baseline", "w.log"],
@@ -53,6 +59,41 @@ fn no_output_goes_over_what_is_read() {
     let output = decode.stdin(fs::File::open(path("g.log")).unwrap()).output().unwrap();
     assert_eq!(output.status.code(), Some(2));
     assert_eq!(fs::read_to_string(path("g.log")).unwrap(), BOOT);
+}
+
+/// A recorder that was switched off: all before the last record is there, but nobody takes it for the whole.
+#[test]
+fn captures_cut_off_inside_a_record_are_not_read_to_their_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let converted = |name: &str| {
+        let output = run_in(folder.path(), &["convert", "whole.log", name], "");
+        assert_eq!(output.code, 0, "{}", output.stderr);
+        fs::read(folder.path().join(name)).unwrap()
+    };
+    let recorded = |name: &str| fs::read(workspace().join("fixtures/recorders").join(name)).unwrap();
+    fs::write(folder.path().join("whole.log"), BOOT.repeat(3)).unwrap();
+    let captures = [
+        ("pcapng", converted("a.pcapng")),
+        ("blf", recorded("stored.blf")),
+        ("mf4", recorded("unsorted.mf4")),
+    ];
+    for (end, bytes) in captures {
+        for (name, missing, code) in [("whole", 0, 0), ("cut", 3, 3)] {
+            let name = format!("{name}.{end}");
+            fs::write(folder.path().join(&name), &bytes[..bytes.len() - missing]).unwrap();
+            for command in [&["decode"][..], &["check", "--fail-on", "never"], &["stats"]] {
+                let output = run_in(folder.path(), &[command, &[&name]].concat(), "");
+                assert_eq!(output.code, code, "{command:?} {name}: {}", output.stderr);
+                let is_said = output.stderr.starts_with(&format!("cobscope: {name}: byte "));
+                assert_eq!(is_said, code == 3, "{command:?} {name}: {}", output.stderr);
+                let is_event = output.stdout.contains("UNREAD");
+                assert!(command != ["decode"] || is_event == is_said, "{name}: {}", output.stdout);
+            }
+        }
+    }
+    // Half a line of text is a line like any other.
+    fs::write(folder.path().join("cut.log"), BOOT.repeat(3).trim_end().trim_end_matches("00")).unwrap();
+    assert_eq!(run_in(folder.path(), &["decode", "cut.log"], "").code, 0);
 }
 
 #[test]

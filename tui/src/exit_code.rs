@@ -11,7 +11,7 @@ pub enum Exit {
     Findings = 1,
     /// The command line cannot be understood, or an output cannot be created.
     Usage = 2,
-    /// A capture cannot be opened or recognised, or holds no frame; an output cannot be written to its end.
+    /// A capture cannot be opened, recognised or read to its end, or holds no frame; an output cannot be written to its end.
     Capture = 3,
     /// A profile or bus file that is named or used is broken.
     Profile = 4,

@@ -72,6 +72,14 @@ pub(super) struct Counters {
     pub(super) transmit: u8,
 }
 
+impl Counters {
+    /// Those that a record of an error has a place for. Both 0 are none: an error that is counted leaves one of them
+    /// above (ISO 11898-1, fault confinement), and who does not know them leaves them empty.
+    pub(super) fn of_error(self) -> Option<Self> {
+        (self.receive > 0 || self.transmit > 0).then_some(self)
+    }
+}
+
 /// State of a controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ControllerState {

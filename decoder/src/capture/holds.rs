@@ -12,8 +12,8 @@ pub enum ErrorFrames {
     Whole,
     /// How the protocol was broken, where in the frame, and who was sending; of others that there was one.
     Violations,
-    /// Either a state of the controller, or how and where the protocol was broken and the error counters (0 where
-    /// they are not known), or these counters alone; of others that there was an error.
+    /// Either a state of the controller, or how and where the protocol was broken and the error counters (both 0
+    /// where they are not known), or these counters alone; of others that there was an error.
     Reports,
     /// That there was one, without its class and details.
     Mark,
@@ -90,8 +90,9 @@ impl ErrorFrames {
 pub(super) enum Report {
     /// The controller changed its state.
     State(ControllerState),
-    /// The protocol was broken. It is a bit, its form or its stuffing, or something else at a place.
-    Broken(Broken, Counters),
+    /// The protocol was broken. It is a bit, its form or its stuffing, or something else at a place. Counters that are
+    /// both 0 stand for none: an error that is counted leaves one of them above.
+    Broken(Broken, Option<Counters>),
     /// The error counters.
     Counters(Counters),
 }
@@ -99,7 +100,6 @@ pub(super) enum Report {
 impl Report {
     /// What of an error frame can be said: the state first, it is the rarest.
     pub(super) fn of(frame: &Frame) -> Self {
-        const NONE: Counters = Counters { receive: 0, transmit: 0 };
         let counters = counted(frame);
         match (state(frame), broken(frame), counters) {
             (Some(state), _, _) => Self::State(state),
@@ -111,7 +111,7 @@ impl Report {
                     kind @ (Violation::Bit | Violation::Form | Violation::Stuff) => kind,
                     _ => Violation::Other,
                 };
-                Self::Broken(Broken { kind, ..found }, counters.unwrap_or(NONE))
+                Self::Broken(Broken { kind, ..found }, counters.and_then(Counters::of_error))
             }
         }
     }
@@ -122,7 +122,7 @@ impl Report {
             Self::State(state) => controller(state),
             Self::Counters(counted) => counters(counted),
             Self::Broken(Broken { kind, sending, place }, counters) => {
-                violation(kind, sending, place, Some(counters))
+                violation(kind, sending, place, counters)
             }
         }
     }
@@ -175,7 +175,7 @@ impl Holds {
             ErrorFrames::Whole => None,
             ErrorFrames::Violations => Some("of error frames, all but how and where the protocol was broken"),
             ErrorFrames::Reports => Some(
-                "of error frames, all but the controller's state, how the protocol was broken, or the counters",
+                "of error frames, all but the controller's state, how the protocol was broken and the counters (0 where not known), or these alone",
             ),
             ErrorFrames::Mark => Some("class and details of error frames"),
             ErrorFrames::None => Some("error frames"),
@@ -213,6 +213,7 @@ enum Loss {
     FdFrame,
     ErrorFrame,
     ErrorDetail,
+    ErrorCounters,
     Resolution,
     NoTime,
     Backwards,
@@ -223,10 +224,11 @@ enum Loss {
 }
 
 /// What is said of each, behind the number of frames.
-const SAID: [(Loss, &str); 10] = [
+const SAID: [(Loss, &str); 11] = [
     (Loss::FdFrame, "CAN FD frames left out"),
     (Loss::ErrorFrame, "error frames left out"),
     (Loss::ErrorDetail, "error frames without their class and details"),
+    (Loss::ErrorCounters, "error frames whose counters are not known, written as 0"),
     (Loss::Resolution, "times cut to"),
     (Loss::NoTime, "frames without time got the time of the frame before"),
     (Loss::Backwards, "times before that of the first frame written as that one"),
@@ -269,6 +271,13 @@ impl Losses {
             // That is what a mark says of itself: that it knows no more.
             if holds.errors == ErrorFrames::Mark || (kept.id, kept.data()) != (frame.id, frame.data()) {
                 self.count(Loss::ErrorDetail);
+            }
+            // Read again they are none, but other programs show them.
+            let writes_counters = holds.errors == ErrorFrames::Reports
+                && matches!(Report::of(frame), Report::Broken(_, None))
+                && counted(frame).is_none();
+            if writes_counters {
+                self.count(Loss::ErrorCounters);
             }
         }
         match frame.time {
@@ -424,6 +433,7 @@ mod tests {
         let passive = error(0x204, [0, 0x10, 0, 0, 0, 0, 130, 0]);
         let overload = error(0x88, [0, 0, 0x20, 3, 0, 0, 0, 0]);
         let timeout = error(0x001, [0; 8]);
+        let uncounted = error(0x288, [0; 8]);
         let counters = error(0x200, [0, 0, 0, 0, 0, 0, 3, 2]);
         for (holds, given, kept) in [
             (violations, stuffing, error(0x88, [0, 0, 0x84, 2, 0, 0, 0, 0])),
@@ -432,8 +442,9 @@ mod tests {
             (violations, timeout, mark),
             (reports, stuffing, stuffing),
             (reports, passive, error(0x04, [0, 0x30, 0, 0, 0, 0, 0, 0])),
-            (reports, overload, error(0x288, [0, 0, 0, 3, 0, 0, 0, 0])),
-            (reports, timeout, error(0x288, [0; 8])),
+            (reports, overload, error(0x88, [0, 0, 0, 3, 0, 0, 0, 0])),
+            (reports, timeout, mark),
+            (reports, uncounted, mark),
             (reports, counters, counters),
         ] {
             let sent = Frame { flags: given.flags.with(FrameFlags::TRANSMITTED), number: 5, ..given };
@@ -441,10 +452,26 @@ mod tests {
             let mut losses = Losses::new(holds);
             losses.see(&given);
             let lost = "1 error frames with a part of their class and details only".to_owned();
-            assert_eq!(losses.said(), if given == kept { vec![] } else { vec![lost] });
+            let mut said = losses.said();
+            said.retain(|said| !said.ends_with("whose counters are not known, written as 0"));
+            assert_eq!(said, if given == kept { vec![] } else { vec![lost] });
             losses.see(&sent);
             assert_eq!(losses.said().last().unwrap(), "1 frames without being received or sent");
         }
+    }
+
+    #[test]
+    fn counters_nobody_knows_are_none_and_said_to_be_written() {
+        let reports = Holds { errors: ErrorFrames::Reports, ..Holds::ALL };
+        let stuffing = violation(Violation::Stuff, false, 2, None);
+        assert_eq!(reports.kept(&stuffing), Some(stuffing));
+        let mut losses = Losses::new(reports);
+        for frame in
+            [stuffing, violation(Violation::Form, true, 2, Some(Counters { receive: 0, transmit: 8 }))]
+        {
+            losses.see(&frame);
+        }
+        assert_eq!(losses.said(), ["1 error frames whose counters are not known, written as 0"]);
     }
 
     #[test]

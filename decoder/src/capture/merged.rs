@@ -34,6 +34,8 @@ pub struct Merged<R> {
     /// What broke a capture, told when it is asked for more: frames of the others stood before it.
     failure: Option<CaptureError>,
     failed: usize,
+    /// Capture of each notice of the last batch.
+    tellers: Vec<usize>,
 }
 
 struct Part<R> {
@@ -100,7 +102,15 @@ impl<R: Read> Merged<R> {
             Part { reader, lane, batch: Batch::new(), before, frames: 0, notices: 0 }
         };
         let parts = captures.into_iter().map(part).collect();
-        Self { parts, names: BusNames::default(), buses: Vec::new(), number: 0, failure: None, failed: 0 }
+        Self {
+            parts,
+            names: BusNames::default(),
+            buses: Vec::new(),
+            number: 0,
+            failure: None,
+            failed: 0,
+            tellers: Vec::new(),
+        }
     }
 
     /// Goes on at `position`; each source stands at its offset.
@@ -123,7 +133,8 @@ impl<R: Read> Merged<R> {
             parts.push(part);
         }
         let (names, buses) = (position.names.clone(), position.buses.clone());
-        Ok(Self { parts, names, buses, number: position.number, failure: None, failed: 0 })
+        let number = position.number;
+        Ok(Self { parts, names, buses, number, failure: None, failed: 0, tellers: Vec::new() })
     }
 
     /// The present place, behind the last batch.
@@ -157,6 +168,7 @@ impl<R: Read> Merged<R> {
             return part.reader.read(batch);
         }
         batch.clear();
+        self.tellers.clear();
         if let Some(error) = self.failure.take() {
             return Err(error);
         }
@@ -169,8 +181,8 @@ impl<R: Read> Merged<R> {
                 return Ok(true);
             }
             // The first of equals.
-            let next = self.parts.iter_mut().filter(|part| !part.lane.is_done).min_by_key(|part| part.due());
-            let Some(part) = next else { break };
+            let left = self.parts.iter_mut().enumerate().filter(|(_, part)| !part.lane.is_done);
+            let Some((index, part)) = left.min_by_key(|(_, part)| part.due()) else { break };
             if let Some(mut notice) = part.next_notice() {
                 if let Notice::LostFrames { bus, .. } | Notice::Link { bus, .. } = &mut notice {
                     let own = part.reader.buses();
@@ -180,6 +192,7 @@ impl<R: Read> Merged<R> {
                     *time = time.plus(part.lane.shift);
                 }
                 batch.notice(notice);
+                self.tellers.push(index);
             } else if let Some(mut frame) = part.next_frame() {
                 self.number += 1;
                 frame.number = self.number;
@@ -200,6 +213,11 @@ impl<R: Read> Merged<R> {
             }
         }
         Ok(())
+    }
+
+    /// Which capture a notice of the last batch is of, by its place among them, from 0 in order of naming.
+    pub fn teller(&self, notice: usize) -> usize {
+        self.tellers.get(notice).copied().unwrap_or(0)
     }
 
     /// Which capture the last error is of, from 0 in order of naming.

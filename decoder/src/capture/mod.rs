@@ -8,7 +8,8 @@
 //! it took. It is cloneable, so a place in a capture can be kept and returned to. [`Reader`] owns the
 //! source and the one reused buffer. Formats are found by content, never by suffix.
 //!
-//! A line or record that cannot be read becomes a [`Notice`]; reading goes on behind it.
+//! A line or record that cannot be read becomes a [`Notice`]; reading goes on behind it. So does a record inside of which
+//! the capture ends; of text the last line is one like any other, without its end too.
 
 pub mod adapter;
 mod asc;
@@ -105,6 +106,13 @@ pub enum Notice {
         /// What was found and what was expected.
         reason: String,
     },
+    /// The capture ends inside a record: the recorder was switched off, or the file was not copied whole.
+    CutOff {
+        /// Where the record begins.
+        place: Place,
+        /// What was found of it.
+        reason: String,
+    },
     /// Something assumed of the whole capture, said once ("times read as UTC").
     Assumption(String),
     /// The recorder itself says that frames were lost here.
@@ -136,7 +144,9 @@ impl Notice {
     pub fn bus(&self) -> BusIndex {
         match self {
             Self::LostFrames { bus, .. } | Self::Link { bus, .. } => *bus,
-            Self::Unreadable { .. } | Self::Assumption(_) | Self::Quiet(_) => BusIndex(0),
+            Self::Unreadable { .. } | Self::CutOff { .. } | Self::Assumption(_) | Self::Quiet(_) => {
+                BusIndex(0)
+            }
         }
     }
 }
@@ -144,7 +154,9 @@ impl Notice {
 impl fmt::Display for Notice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Unreadable { place, reason } => write!(f, "{place}: {reason}"),
+            Self::Unreadable { place, reason } | Self::CutOff { place, reason } => {
+                write!(f, "{place}: {reason}")
+            }
             Self::Assumption(text) => f.write_str(text),
             Self::LostFrames { place, count: Some(count), .. } => {
                 write!(f, "{place}: {} lost", plural(*count, "frame"))

@@ -153,7 +153,7 @@ impl Pcap {
         }
         if self.skip > 0 {
             let reason = format!("the capture ends inside a packet: {} bytes are missing", self.skip);
-            batch.notice(Notice::Unreadable { place: Place::Offset(self.offset), reason });
+            batch.notice(Notice::CutOff { place: Place::Offset(self.offset), reason });
         }
         if let Some(notice) = self.header.as_ref().and_then(|(_, channel)| channel.summary()) {
             batch.notice(notice);
@@ -167,7 +167,7 @@ fn cut_off(rest: &[u8], whole: u64, place: Place, at_end: bool, batch: &mut Batc
         return 0;
     }
     let reason = format!("the capture ends inside a packet: found {} of {whole} bytes", rest.len());
-    batch.notice(Notice::Unreadable { place, reason });
+    batch.notice(Notice::CutOff { place, reason });
     rest.len()
 }
 

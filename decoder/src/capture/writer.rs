@@ -261,7 +261,10 @@ mod tests {
             losses.see(frame);
         }
         let given: Vec<Frame> = frames.iter().map(|(frame, _, _)| *frame).collect();
-        prop_assert_eq!(losses.said().is_empty(), given == expected, "{}: {:?}", format.name, losses.said());
+        let mut said = losses.said();
+        // These are read again as none.
+        said.retain(|said| !said.ends_with("counters are not known, written as 0"));
+        prop_assert_eq!(said.is_empty(), given == expected, "{}: {:?}", format.name, said);
         Ok(())
     }
 

@@ -125,7 +125,9 @@ impl Expression {
     pub(super) fn compared<'a>(&'a self, is_meant: &dyn Fn(&str) -> bool, found: &mut Vec<&'a str>) {
         match self {
             Self::And(parts) | Self::Or(parts) => {
-                parts.iter().for_each(|part| part.compared(is_meant, found));
+                for part in parts {
+                    part.compared(is_meant, found);
+                }
             }
             Self::Not(inner) => inner.compared(is_meant, found),
             Self::Test { field, question } if is_meant(&field.text) => found.extend(question.compared()),

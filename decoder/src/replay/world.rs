@@ -107,7 +107,7 @@ impl World {
 
     /// Takes what a reader has to say.
     pub fn notice(&mut self, notice: &Notice, names: &BusNames, out: &mut impl FnMut(Told<'_>)) {
-        if let Notice::Unreadable { .. } = notice {
+        if let Notice::Unreadable { .. } | Notice::CutOff { .. } = notice {
             self.counts.unreadable += 1;
         }
         if let Notice::Link { time, .. } | Notice::Quiet(time) = notice {

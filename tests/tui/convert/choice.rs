@@ -188,6 +188,50 @@ fn several_captures_are_one_in_order_of_time() {
 }
 
 #[test]
+fn numbers_of_buses_are_those_of_the_file() {
+    let folder = Folder::new();
+    folder.write("a.log", "(1.0) can0 101#01\n(2.0) can1 705#05\n(3.0) can2 706#05\n");
+    let said = |words: &[&str]| folder.convert(words).stderr;
+    let some = said(&["--only-node", "can1:5", "--only-node", "can2:6", "@a.log", "@some.trc"]);
+    assert!(some.ends_with("PEAK TRC numbers its buses: can1 is 1, can2 is 2\n"), "{some}");
+    let parts = said(&["--split-at", "node == 6", "@a.log", "@part.asc"]);
+    let expected = "Vector ASC numbers its buses, each file anew: its comments name them";
+    assert!(parts.contains(expected), "{parts}");
+}
+
+#[test]
+fn what_is_true_of_several_captures_is_said_once() {
+    let folder = Folder::new();
+    let lines = |first: u32| {
+        (0..6)
+            .map(|step| format!("({}.000000) can0 705#05\n", 1_700_000_000 + first + step))
+            .collect::<Vec<_>>()
+            .concat()
+    };
+    for (name, first) in [("a", 0), ("b", 10), ("c", 20)] {
+        folder.write(&format!("{name}.log"), lines(first));
+        folder.converted(&[&format!("@{name}.log"), &format!("@{name}.asc")]);
+    }
+    let said = |words: &[&str]| folder.convert(words).stderr;
+    let assumed = "the start date carries no time zone: times read as UTC\n";
+    assert_eq!(said(&["@a.asc", "@one.pcapng"]), format!("cobscope: @a.asc: {assumed}"));
+    assert_eq!(
+        said(&["@a.asc", "@b.asc", "@c.asc", "@all.pcapng"]),
+        format!("cobscope: all 3 captures: {assumed}")
+    );
+    assert_eq!(
+        said(&["@a.log", "@b.asc", "@c.asc", "@some.pcapng"]),
+        format!("cobscope: 2 of 3 captures, first @b.asc: {assumed}")
+    );
+    // A line that cannot be read is one of its capture.
+    folder.write("b.log", lines(10) + "rubbish\n");
+    let found = said(&["@a.log", "@b.log", "@broken.log"]);
+    assert!(found.starts_with("cobscope: @b.log: line 7: ") && found.lines().count() == 1, "{found}");
+    let found = said(&["--only-node", "can7:5", "@a.log", "@c.log", "@none.log"]);
+    assert!(found.contains("cobscope: all 2 captures: "), "{found}");
+}
+
+#[test]
 fn captures_without_a_common_clock_are_aligned_where_asked_for() {
     let folder = Folder::new();
     folder.write("dated.log", "(1700000000.000000) can0 101#01\n(1700000002.000000) can0 103#03\n");

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use clap::Args;
 
-use super::size::bytes;
+use super::size::{bytes, part_bytes};
 use super::view::ScreenArgs;
 use super::{FailOn, InputArgs, PrintArgs, SelectArgs};
 
@@ -41,8 +41,8 @@ pub struct LiveArgs {
     /// to candump-DATE_TIME.log
     #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = ".")]
     pub record: Option<PathBuf>,
-    /// Begin a new file when one has SIZE bytes: 100M, 2G
-    #[arg(long, value_name = "SIZE", requires = "record", value_parser = bytes)]
+    /// Begin a new file when one has SIZE bytes: 64k or more, 100M, 2G
+    #[arg(long, value_name = "SIZE", requires = "record", value_parser = part_bytes)]
     pub record_size: Option<u64>,
     /// Begin a new file after TIME: 10min, 1h
     #[arg(long, value_name = "TIME", requires = "record", value_parser = duration)]

@@ -6,7 +6,7 @@ Exit status:
   0  done; lines that could not be read do not change it
   1  check, live --check: findings at or above --fail-on, or a rule that had to be exercised was not
   2  the command line cannot be understood, or an output cannot be created
-  3  a capture cannot be read or holds no frame, or an output cannot be written to its end
+  3  a capture cannot be read to its end or holds no frame, or an output is not written to its end
   4  a profile or bus file is broken, or a device file, DBC or baseline cannot be read";
 
 macro_rules! examples {

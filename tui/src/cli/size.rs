@@ -13,6 +13,18 @@ pub(super) fn bytes(text: &str) -> Result<u64, String> {
     number.checked_mul(1 << unit).filter(|bytes| *bytes > 0).ok_or_else(wrong)
 }
 
+/// Least size of a file of a record: what is held before it is written.
+const LEAST_PART: u64 = 64 << 10;
+
+/// The same for the files of a record, of which a small one would be full at once, and the folder soon after.
+pub(super) fn part_bytes(text: &str) -> Result<u64, String> {
+    let size = bytes(text)?;
+    if size < LEAST_PART {
+        return Err(format!("found {text}, expected 64k or more: a busy bus fills less many times a second"));
+    }
+    Ok(size)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -25,5 +37,7 @@ mod tests {
         for text in ["", "0", "M", "-1", "99999999999G", "1T"] {
             assert!(bytes(text).is_err(), "{text}");
         }
+        assert_eq!((part_bytes("64k"), part_bytes("100M")), (Ok(65_536), Ok(104_857_600)));
+        assert!(part_bytes("65535").unwrap_err().contains("64k or more"));
     }
 }

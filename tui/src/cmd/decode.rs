@@ -11,13 +11,6 @@ use crate::exit_code::Exit;
 
 /// Runs the command.
 pub fn run(arguments: &DecodeArgs) -> Exit {
-    let mut printer = match Printer::new(&arguments.print, &arguments.select, &files_read(&arguments.input)) {
-        Ok(printer) => printer,
-        Err(error) => {
-            complain(&error);
-            return Exit::Usage;
-        }
-    };
     let ready = session_options(&arguments.input)
         .and_then(|options| Ok((setup(&arguments.input, &options.catalogue, None)?, options)));
     let (options, setup) = match ready {
@@ -31,6 +24,14 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
         complain(&error);
         return Exit::Usage;
     }
+    // Which files are read a bus file says too, so that one must be right before anything is written.
+    let mut printer = match Printer::new(&arguments.print, &arguments.select, &files_read(&arguments.input)) {
+        Ok(printer) => printer,
+        Err(error) => {
+            complain(&error);
+            return Exit::Usage;
+        }
+    };
     printer.describe(&arguments.input);
     let captures = captures(&arguments.input);
     let several = captures.len() > 1;

@@ -75,6 +75,16 @@ fn bus_file(path: &Path) -> anyhow::Result<BusFile> {
     BusFile::parse(&text).map_err(|error| anyhow::anyhow!(error.show(&name)))
 }
 
+/// Device files and databases that a bus file names; none of one that is broken, which is told where it is used.
+pub(super) fn files_named(path: &Path) -> Vec<PathBuf> {
+    // What a pipe holds is read once only.
+    let file = path.is_file().then(|| bus_file(path).ok()).flatten().unwrap_or_default();
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let devices = file.device_files().map(|(_, _, name)| folder.join(name));
+    let all = std::iter::once(&file.everywhere).chain(file.buses.iter().map(|(_, settings)| settings));
+    devices.chain(all.flat_map(|settings| &settings.databases).map(|name| folder.join(name))).collect()
+}
+
 fn bus_file_text(path: &Path) -> anyhow::Result<(String, String)> {
     let name = path.display().to_string();
     let text = std::fs::read_to_string(path).with_context(|| format!("{name}: cannot be read"))?;

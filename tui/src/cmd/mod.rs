@@ -227,6 +227,10 @@ fn decode_quietly(
         if !push_batch(&mut decoder, &batch, frames.buses(), watcher) {
             break;
         }
+        // Who has enough before the end does not ask how the capture ends.
+        if failure.is_none() && !watcher.is_done() {
+            failure = cut_off(batch.notices()).map(|reason| anyhow::Error::msg(reason).context(name()));
+        }
         progress.tick();
     }
     progress.finish();
@@ -239,6 +243,12 @@ fn decode_quietly(
         None if !has_frames => anyhow::bail!("{}: holds no frame", path.display()),
         failure => Ok(Decoded { decoder, format: frames.format().title, failure, warnings, unreadable }),
     }
+}
+
+/// Where and how the capture is cut off, if that is among what a reader says.
+fn cut_off(notices: &[(usize, Notice)]) -> Option<String> {
+    let is_cut = |notice: &Notice| matches!(notice, Notice::CutOff { .. });
+    notices.iter().find(|(_, notice)| is_cut(notice)).map(|(_, notice)| notice.to_string())
 }
 
 /// Names of buses the user gave, and by what.

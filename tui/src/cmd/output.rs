@@ -8,6 +8,7 @@ use anyhow::{Context as _, ensure};
 use cobscope_decoder::sink::escape;
 
 use super::complain;
+use super::input::files_named;
 use crate::cli::InputArgs;
 use crate::exit_code::Exit;
 
@@ -24,10 +25,11 @@ pub(super) fn files_read(input: &InputArgs) -> Vec<PathBuf> {
     input.captures.iter().cloned().chain(stdin).chain(files_known(input)).collect()
 }
 
-/// Those of them that say what is known of the buses.
+/// Those of them that say what is known of the buses, also where the bus file names them.
 pub(super) fn files_known(input: &InputArgs) -> impl Iterator<Item = PathBuf> {
+    let named = input.bus.as_deref().map(files_named).unwrap_or_default();
     let files = input.bus.iter().chain(&input.dbc);
-    files.chain(input.eds.iter().map(|of_node| &of_node.file)).cloned()
+    files.chain(input.eds.iter().map(|of_node| &of_node.file)).cloned().chain(named)
 }
 
 /// Refuses to write over what is read.

@@ -26,7 +26,7 @@ impl Unheld {
         match notice {
             Notice::Link { .. } => Some(Self::Links),
             Notice::LostFrames { .. } => Some(Self::Losses),
-            Notice::Unreadable { .. } => Some(Self::Unreadable),
+            Notice::Unreadable { .. } | Notice::CutOff { .. } => Some(Self::Unreadable),
             // The next frame tells as well how long nothing came.
             Notice::Assumption(_) | Notice::Quiet(_) => None,
         }

@@ -33,6 +33,8 @@ pub(super) struct Container {
     pub(super) damage: Option<String>,
     /// Whether that breaks off the objects in it.
     pub(super) is_broken: bool,
+    /// Whether that is the end of the capture inside it.
+    pub(super) is_cut: bool,
 }
 
 impl Container {
@@ -53,8 +55,9 @@ impl Container {
             length: object.len(),
             damage: None,
             is_broken: false,
+            is_cut: object.len() < head.size,
         };
-        if object.len() < head.size {
+        if container.is_cut {
             let found = object.len();
             container
                 .broken(format!("the capture ends inside a container: found {found} of {} bytes", head.size));
@@ -82,11 +85,10 @@ impl Container {
 
     /// Its content is whole after so many bytes. If its size is another one, what follows is not lost.
     fn ends_after(&mut self, head: Head, length: usize) {
-        let is_cut = self.length < head.size;
-        if is_cut || self.length.saturating_sub(length) > FILL {
+        if self.is_cut || self.length.saturating_sub(length) > FILL {
             self.damage =
                 Some(format!("a container of {} bytes whose content ends after {length}", head.size));
-            (self.is_broken, self.length) = (false, length);
+            (self.is_broken, self.is_cut, self.length) = (false, false, length);
         }
     }
 

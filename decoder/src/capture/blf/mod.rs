@@ -171,7 +171,7 @@ impl Blf {
         }
         if rest.len() < size {
             let reason = format!("the capture ends inside its header: found {} of {size} bytes", rest.len());
-            unreadable(reason, Place::Offset(0), batch);
+            batch.notice(Notice::CutOff { place: Place::Offset(0), reason });
         }
         self.start(rest, batch);
         Step::Took(size.min(rest.len()))
@@ -254,8 +254,14 @@ impl Blf {
             unreadable(reason, Place::Offset(at), batch);
         }
         self.inner.close(&container);
-        if let Some(damage) = container.damage {
-            unreadable(damage, Place::Offset(at), batch);
+        if let Some(reason) = container.damage {
+            let place = Place::Offset(at);
+            let is_cut = container.is_cut;
+            batch.notice(if is_cut {
+                Notice::CutOff { place, reason }
+            } else {
+                Notice::Unreadable { place, reason }
+            });
         }
         Ok(Step::Took(length))
     }
@@ -347,7 +353,8 @@ fn too_long(head: Head, at: u64, batch: &mut Batch) {
 }
 
 fn cut_off(at: u64, batch: &mut Batch) {
-    unreadable("the capture ends inside an object".into(), Place::Offset(at), batch);
+    let reason = "the capture ends inside an object".into();
+    batch.notice(Notice::CutOff { place: Place::Offset(at), reason });
 }
 
 fn unreadable(reason: String, place: Place, batch: &mut Batch) {

@@ -172,7 +172,7 @@ impl Mcap {
                 let taken = self.record(kind, at, contents, false, batch);
                 if let Step::Took(_) = taken {
                     let there = contents.len();
-                    unreadable(
+                    cut_off(
                         format!("the capture ends inside a record: {there} bytes of {length}"),
                         at,
                         batch,
@@ -198,7 +198,7 @@ impl Mcap {
     /// The end of the capture, where a record should begin: nothing, or a part of its head.
     fn cut(&mut self, at: u64, rest: &[u8], batch: &mut Batch) -> Step {
         if !rest.is_empty() {
-            unreadable("the capture ends inside a record".into(), at, batch);
+            cut_off("the capture ends inside a record".into(), at, batch);
             self.state = State::Over;
         }
         Step::Took(rest.len())
@@ -265,11 +265,11 @@ impl Mcap {
         match std::mem::replace(&mut self.state, State::Over) {
             State::Over => {}
             State::Finished if self.skip > 0 => {
-                unreadable("the capture ends inside its footer".into(), self.offset, batch);
+                cut_off("the capture ends inside its footer".into(), self.offset, batch);
             }
             State::Records if self.skip > 0 => {
                 let missing = self.skip;
-                unreadable(
+                cut_off(
                     format!("the capture ends inside a record: {missing} bytes are missing"),
                     self.offset,
                     batch,
@@ -311,6 +311,10 @@ fn checksum_fits(records: &[u8], checksum: u32) -> bool {
 #[cfg(not(feature = "mcap"))]
 fn checksum_fits(_records: &[u8], _checksum: u32) -> bool {
     true
+}
+
+fn cut_off(reason: String, at: u64, batch: &mut Batch) {
+    batch.notice(Notice::CutOff { place: Place::Offset(at), reason });
 }
 
 fn unreadable(reason: String, at: u64, batch: &mut Batch) {

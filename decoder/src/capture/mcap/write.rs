@@ -311,7 +311,7 @@ impl<W: Write + Send> FrameWriter for McapWriter<W> {
             Notice::LostFrames { count, .. } => (None, WARNING, Remark::Lost(count)),
             Notice::Link { time, state, bit_rate, .. } => (Some(time), INFO, Remark::Link(state, bit_rate)),
             Notice::Quiet(time) => (Some(time), INFO, Remark::Quiet),
-            Notice::Unreadable { .. } | Notice::Assumption(_) => return Ok(false),
+            Notice::Unreadable { .. } | Notice::CutOff { .. } | Notice::Assumption(_) => return Ok(false),
         };
         self.log(time, level, bus, &remark.text())?;
         Ok(true)

@@ -80,6 +80,12 @@ impl<'a> Block<'a> {
     }
 }
 
+/// Whether the capture ends before a block at this byte offset does.
+pub(super) fn is_cut_off(file: &[u8], at: u64) -> bool {
+    let rest = usize::try_from(at).ok().and_then(|at| file.get(at..)).unwrap_or_default();
+    Little.u64(rest, 8).is_none_or(|length| rest.starts_with(b"##") && length > rest.len() as u64)
+}
+
 /// The text of a text block, without the zeros that end it.
 pub(super) fn text(file: &[u8], at: Option<u64>) -> Option<&[u8]> {
     let block = Block::of(file, at?, *b"TX")?;
@@ -101,6 +107,8 @@ mod tests {
         assert_eq!((block.data, block.is_cut_off), (&b"a\0"[..], false));
         assert_eq!(text(&file, Some(8)), Some(&b"a"[..]));
         assert!(Block::at(&file[..41], 8).unwrap().is_cut_off);
+        assert!(is_cut_off(&file[..41], 8) && is_cut_off(&file[..12], 8) && is_cut_off(&file, 42));
+        assert!(!is_cut_off(&file, 8) && !is_cut_off(&file, 0), "none is there");
         assert!(Block::at(&file, 7).is_none() && Block::at(&file, u64::MAX).is_none());
     }
 

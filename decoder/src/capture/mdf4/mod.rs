@@ -22,6 +22,7 @@ mod stream;
 
 use std::sync::Arc;
 
+use block::is_cut_off;
 use frame::Found;
 use recording::{Recording, UNFINISHED};
 use source::Source;
@@ -90,8 +91,15 @@ impl Mdf4 {
 impl Reading {
     fn open(file: &[u8]) -> Result<Self, CaptureError> {
         let Recording { start, is_local, sources, damages, others, names } = Recording::open(file)?;
-        let unreadable = |(at, reason)| Notice::Unreadable { place: Place::Offset(at), reason };
-        let mut notices: Vec<_> = damages.into_iter().map(unreadable).collect();
+        let said = |(at, reason)| {
+            let place = Place::Offset(at);
+            if is_cut_off(file, at) {
+                Notice::CutOff { place, reason }
+            } else {
+                Notice::Unreadable { place, reason }
+            }
+        };
+        let mut notices: Vec<_> = damages.into_iter().map(said).collect();
         if is_local {
             let text = "the start date carries no time zone: times read as UTC";
             notices.insert(0, Notice::Assumption(text.into()));

@@ -109,7 +109,7 @@ impl Source {
             }
             Next::End(left) => {
                 if left > 0 {
-                    self.say("the data end inside a record".into(), batch);
+                    self.cut(file, batch);
                 }
                 self.end(batch);
             }
@@ -149,6 +149,16 @@ impl Source {
         let damage = self.records.stream.damage.take();
         if let Some((at, reason)) = damage.filter(|_| self.is_first) {
             batch.notice(Notice::Unreadable { place: Place::Offset(at), reason });
+        }
+    }
+
+    /// The data end inside a record, and perhaps the capture too.
+    fn cut(&self, file: &[u8], batch: &mut Batch) {
+        let reason = "the data end inside a record".into();
+        if self.is_first && self.records.stream.is_at_end(file) {
+            batch.notice(Notice::CutOff { place: Place::Offset(self.records.stream.at()), reason });
+        } else {
+            self.say(reason, batch);
         }
     }
 

@@ -226,6 +226,12 @@ impl Stream {
         segment.map_or(0, |segment| segment.at)
     }
 
+    /// Whether it goes on to the end of the capture.
+    pub(super) fn is_at_end(&self, file: &[u8]) -> bool {
+        let last = self.segments.last();
+        last.is_some_and(|last| last.start.saturating_add(last.stored) >= file.len())
+    }
+
     /// Replaces the content of `bytes` by the next `count` bytes.
     pub(super) fn read(&mut self, file: &[u8], count: usize, bytes: &mut Vec<u8>) -> Outcome {
         bytes.clear();

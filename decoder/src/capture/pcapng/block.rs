@@ -84,17 +84,20 @@ pub(super) enum Found<'a> {
     Nothing(&'static str),
 }
 
+/// Why nothing is found where the capture ends inside a block.
+pub(super) const CUT_OFF: &str = "the capture ends inside a block";
+
 /// What stands at the front of `rest`, in a section of the given order.
 pub(super) fn find(rest: &[u8], section: ByteOrder, at_end: bool) -> Found<'_> {
     let more = |why| if at_end { Found::Nothing(why) } else { Found::More };
     let Some(kind) = Kind::at(rest, section) else {
-        return more("the capture ends inside a block");
+        return more(CUT_OFF);
     };
     let order = match (kind, ByteOrder::Big.u32(rest, START)) {
         (Kind::Section, Some(MAGIC)) => ByteOrder::Big,
         (Kind::Section, Some(magic)) if magic == MAGIC.swap_bytes() => ByteOrder::Little,
         (Kind::Section, Some(_)) => return Found::Nothing("a section header without its magic"),
-        (_, None) => return more("the capture ends inside a block"),
+        (_, None) => return more(CUT_OFF),
         _ => section,
     };
     let length = order.u32(rest, 4).unwrap_or(0);
@@ -105,14 +108,14 @@ pub(super) fn find(rest: &[u8], section: ByteOrder, at_end: bool) -> Found<'_> {
     let body_size = size - SHORTEST;
     if size > LARGEST_RECORD {
         let Some(body) = rest.get(START..LARGEST_RECORD) else {
-            return more("the capture ends inside a block");
+            return more(CUT_OFF);
         };
         return Found::Large(Block { kind, order, body, length: u64::from(length) });
     }
     let (Some(body), Some(again)) =
         (rest.get(START..).and_then(|body| body.get(..body_size)), order.u32(rest, START + body_size))
     else {
-        return more("the capture ends inside a block");
+        return more(CUT_OFF);
     };
     if again != length {
         return Found::Nothing("a block whose two lengths differ");

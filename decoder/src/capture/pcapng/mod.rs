@@ -179,7 +179,8 @@ impl PcapNg {
             match block::find(candidate, self.section.order, at_end) {
                 Found::Block(block) if self.section.is_plausible(&block) => {
                     self.garbage = None;
-                    garbage.report(at.saturating_add(position as u64), batch);
+                    let (place, reason) = garbage.told(at.saturating_add(position as u64));
+                    unreadable(reason, place, batch);
                 }
                 Found::More => {}
                 _ => continue,
@@ -199,20 +200,28 @@ impl PcapNg {
         }
         if let Some(Skip { start, length, .. }) = self.skip {
             let reason = format!("the capture ends inside a block of {length} bytes");
-            unreadable(reason, Place::Offset(start), batch);
+            batch.notice(Notice::CutOff { place: Place::Offset(start), reason });
         }
         if let Some(garbage) = self.garbage {
-            garbage.report(self.offset, batch);
+            let (place, reason) = garbage.told(self.offset);
+            // A block with a length that is wrong seems to be cut off too, until another one is found behind it.
+            let is_cut = garbage.why == block::CUT_OFF;
+            batch.notice(if is_cut {
+                Notice::CutOff { place, reason }
+            } else {
+                Notice::Unreadable { place, reason }
+            });
         }
         self.section.summarise(batch);
     }
 }
 
 impl Garbage {
-    fn report(self, end: u64, batch: &mut Batch) {
+    /// Where it stands, and what is said of it.
+    fn told(self, end: u64) -> (Place, String) {
         let (why, count) = (self.why, end.saturating_sub(self.start));
         let bytes = if count == 1 { "byte" } else { "bytes" };
-        unreadable(format!("{why}: {count} {bytes} passed over"), Place::Offset(self.start), batch);
+        (Place::Offset(self.start), format!("{why}: {count} {bytes} passed over"))
     }
 }
 

@@ -245,7 +245,7 @@ impl<W: Write + Send> FrameWriter for PcapngWriter<W> {
             Notice::Link { time, state, bit_rate, .. } => (time, Some(Remark::Link(state, bit_rate))),
             Notice::Quiet(time) => (time, Some(Remark::Quiet)),
             Notice::LostFrames { count: None, .. } => (self.time, Some(Remark::Lost(None))),
-            Notice::Unreadable { .. } | Notice::Assumption(_) => return Ok(false),
+            Notice::Unreadable { .. } | Notice::CutOff { .. } | Notice::Assumption(_) => return Ok(false),
         };
         self.statistics(bus, time, remark)?;
         Ok(true)

@@ -158,8 +158,8 @@ fn old_error<'a>(id: &[u8], words: impl Iterator<Item = &'a [u8]>) -> Option<(Fr
 /// An error frame: direction (0 = sending), place as the SJA1000 codes it, both counters.
 fn error(kind: u32, [direction, place, receive, transmit]: [u8; 4]) -> Option<Frame> {
     let (_, kind) = VIOLATIONS.iter().find(|(code, _)| *code == kind)?;
-    let counters = Counters { receive, transmit };
-    Some(bus_error::violation(*kind, direction == 0, place & 0x1F, Some(counters)))
+    let counters = Counters { receive, transmit }.of_error();
+    Some(bus_error::violation(*kind, direction == 0, place & 0x1F, counters))
 }
 
 /// A status: four bytes, most significant first. None of the known bits means all is well again.
@@ -297,7 +297,7 @@ mod tests {
         assert_eq!(old.data(), [0, 0, 0x80, 0x19, 0, 0, 8, 8]);
         assert_eq!((older, new), (old, old));
         let stuff = read("2.0", "      6      1334.522 ER          Rx    04 01 02 00 00").frame;
-        assert_eq!(stuff.data(), [0, 0, 4, 2, 0, 0, 0, 0]);
+        assert_eq!((stuff.id, stuff.data()), (CanId::Extended(0x088), &[0, 0, 4, 2, 0, 0, 0, 0][..]));
     }
 
     #[test]

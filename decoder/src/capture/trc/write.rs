@@ -186,7 +186,9 @@ impl<W: Write> TrcWriter<W> {
         let counts;
         let status;
         let (kind, bytes): (&[u8; 4], &[u8]) = match report {
-            Report::Broken(Broken { kind, sending, place }, Counters { receive, transmit }) => {
+            Report::Broken(Broken { kind, sending, place }, counters) => {
+                // The format has no other word for counters that are not known.
+                let Counters { receive, transmit } = counters.unwrap_or(Counters { receive: 0, transmit: 0 });
                 error = [violation(kind), u8::from(!sending), place & 0x1F, receive, transmit];
                 (b" ER ", &error)
             }

@@ -118,7 +118,9 @@ impl Page<'_> {
     fn common(&mut self, report: &Report, notes: &[&str]) {
         if !notes.is_empty() {
             self.line(BOLD, &format!("== all {}", plural(report.captures.len(), "capture")));
-            notes.iter().for_each(|note| self.labelled(0, (YELLOW, "quality"), note));
+            for note in notes {
+                self.labelled(0, (YELLOW, "quality"), note);
+            }
             self.out.push('\n');
         }
     }

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use anyhow::Context as _;
 use cobscope_decoder::capture::{Batch, BusNames, Merged, MergedCapture, Reader};
 
+use super::said::called;
 use crate::cli::InputArgs;
 use crate::cmd::input::read_options;
 use crate::source::{self, Arranged, Frames, Progress, Store, StoreReader, arrange};
@@ -64,9 +65,27 @@ impl Input {
         }
     }
 
-    /// What the captures are called.
-    pub(super) fn names(&self) -> String {
-        self.names.join(", ")
+    /// Which capture a notice of the last batch is of, by its place among them.
+    pub(super) fn teller(&self, notice: usize) -> usize {
+        match &self.reading {
+            Reading::One(_) => 0,
+            Reading::Several(merged) => merged.teller(notice),
+        }
+    }
+
+    /// What the captures are called, in their order.
+    pub(super) fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// What one of them is called.
+    pub(super) fn name(&self, capture: usize) -> &str {
+        self.names.get(capture).map_or("", String::as_str)
+    }
+
+    /// What they are called together.
+    pub(super) fn called(&self) -> String {
+        called(&self.names, &(0..self.names.len()).collect())
     }
 }
 

@@ -8,7 +8,9 @@
 mod choice;
 mod input;
 mod output;
+mod said;
 
+use std::collections::BTreeSet;
 use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 
@@ -28,6 +30,7 @@ use crate::words::{unknown_bus, unreadable};
 use choice::Choice;
 use input::Input;
 use output::Output;
+use said::{Said, called};
 
 /// Lines of a capture that are named when they cannot be read.
 const NAMED: u64 = 10;
@@ -51,7 +54,19 @@ pub fn run(arguments: &ConvertArgs) -> Exit {
         Ok(output) => output,
         Err(error) => return refuse(&error, Exit::Usage),
     };
-    Conversion { arguments, options, choice, output, unreadable: 0, is_first: true }.run(input)
+    let (unreadable_in, assumed) = (BTreeSet::new(), Said::default());
+    Conversion {
+        arguments,
+        options,
+        choice,
+        output,
+        unreadable: 0,
+        unreadable_in,
+        assumed,
+        is_first: true,
+        exit: Exit::Clean,
+    }
+    .run(input)
 }
 
 fn refuse(error: &anyhow::Error, exit: Exit) -> Exit {
@@ -120,12 +135,16 @@ struct Conversion<'a> {
     choice: Choice,
     output: Output,
     unreadable: u64,
+    /// Captures of which something could not be read.
+    unreadable_in: BTreeSet<usize>,
+    /// What is assumed of captures: of several it is said at the end.
+    assumed: Said,
     is_first: bool,
+    exit: Exit,
 }
 
 impl Conversion<'_> {
     fn run(mut self, mut input: Input) -> Exit {
-        let mut exit = Exit::Clean;
         let mut has_frames = false;
         loop {
             match input.read() {
@@ -133,7 +152,7 @@ impl Conversion<'_> {
                 Ok(false) => break,
                 Err(error) => {
                     complain(&error);
-                    exit = Exit::Capture;
+                    self.exit = Exit::Capture;
                     continue;
                 }
             }
@@ -148,18 +167,21 @@ impl Conversion<'_> {
         }
         input.progress.finish();
         self.tell_unknown_buses(&input);
+        self.assumed.tell(input.names());
         if self.unreadable > NAMED {
-            say(&format!("{}: {} could not be read", input.names(), unreadable(self.unreadable)));
+            let captures = called(input.names(), &self.unreadable_in);
+            say(&format!("{captures}: {} could not be read", unreadable(self.unreadable)));
         }
         if !has_frames {
-            complain(&anyhow::anyhow!("{}: holds no frame", input.names()));
-            exit = Exit::Capture;
+            let holds = if input.names().len() > 1 { "hold" } else { "holds" };
+            complain(&anyhow::anyhow!("{}: {holds} no frame", input.called()));
+            self.exit = Exit::Capture;
         }
         match self.output.finish(input.buses(), has_frames) {
             Ok(said) => said.iter().for_each(|text| say(text)),
             Err(error) => return end(&error),
         }
-        exit
+        self.exit
     }
 
     /// Of captures that were not read to their end not all buses are known.
@@ -167,7 +189,7 @@ impl Conversion<'_> {
         if self.choice.is_over() {
             return;
         }
-        let name = input.names();
+        let name = input.called();
         let names: Vec<&str> = input.buses().names().iter().map(String::as_str).collect();
         let chosen = self.arguments.only_node.iter().filter_map(|node| node.bus.as_deref());
         let chosen = chosen.filter_map(|bus| unknown_bus(&name, bus, "--only-node", &names));
@@ -181,6 +203,7 @@ impl Conversion<'_> {
             self.choice.begin(first)?;
             self.is_first = false;
         }
+        let mut notices = 0;
         for item in input.batch.items() {
             match item {
                 Item::Frame(frame) => {
@@ -193,25 +216,41 @@ impl Conversion<'_> {
                         self.output.write(frame, bus, self.choice.comment())?;
                     }
                 }
-                Item::Notice(notice) => self.notice(notice, input)?,
+                Item::Notice(notice) => {
+                    self.notice(notice, input.teller(notices), input)?;
+                    notices += 1;
+                }
             }
         }
         Ok(())
     }
 
-    /// Of several captures nobody knows whose notice it is.
-    fn notice(&mut self, notice: &Notice, input: &Input) -> anyhow::Result<()> {
-        let names = input.buses();
+    /// What a capture, by its number, has to say besides frames.
+    fn notice(&mut self, notice: &Notice, capture: usize, input: &Input) -> anyhow::Result<()> {
+        let (names, name) = (input.buses(), input.name(capture));
         match notice {
             Notice::Unreadable { .. } => {
                 self.unreadable += 1;
+                self.unreadable_in.insert(capture);
                 if self.unreadable <= NAMED {
-                    say(&format!("{}: {notice}", input.names()));
+                    say(&format!("{name}: {notice}"));
+                }
+                Ok(())
+            }
+            Notice::CutOff { .. } => {
+                // Who wants no more of it does not ask how it ends.
+                if !self.choice.is_over() {
+                    say(&format!("{name}: {notice}"));
+                    self.exit = Exit::Capture;
                 }
                 Ok(())
             }
             Notice::Assumption(text) => {
-                say(&format!("{}: {text}", input.names()));
+                if input.names().len() > 1 {
+                    self.assumed.add(text, capture);
+                } else {
+                    say(&format!("{name}: {text}"));
+                }
                 Ok(())
             }
             _ => {

@@ -41,6 +41,10 @@ pub(super) struct Output {
     part: Option<Part>,
     parts: u32,
     frames: u64,
+    /// Names of the buses by their numbers, where the format numbers them.
+    numbered: Vec<String>,
+    /// Whether a number is another bus in another file.
+    is_numbered_anew: bool,
     /// Whether a file begins with the frame that is next.
     is_split: bool,
 }
@@ -49,6 +53,8 @@ struct Part {
     writer: Box<dyn FrameWriter>,
     written: Arc<AtomicU64>,
     frames: u64,
+    /// Names of its buses in the order in which they came, where the format numbers them.
+    buses: Vec<String>,
 }
 
 impl Output {
@@ -84,6 +90,8 @@ impl Output {
             part: None,
             parts: 0,
             frames: 0,
+            numbered: Vec::new(),
+            is_numbered_anew: false,
             is_split: false,
         };
         output.begin()?;
@@ -108,7 +116,7 @@ impl Output {
         let counted =
             Counted { output: BufWriter::with_capacity(BUFFER, output), written: Arc::clone(&written) };
         let writer = (self.format.writer)(Box::new(counted), &self.options);
-        self.part = Some(Part { writer, written, frames: 0 });
+        self.part = Some(Part { writer, written, frames: 0, buses: Vec::new() });
         self.parts += 1;
         // What is written as the time of its first frame differs from file to file.
         self.losses.begin();
@@ -135,6 +143,9 @@ impl Output {
         let Some(part) = &mut self.part else { return Ok(()) };
         part.frames += 1;
         self.frames += 1;
+        if !self.format.holds.bus_names && !part.buses.iter().any(|known| known == bus) {
+            part.buses.push(bus.to_owned());
+        }
         let written = if comment.is_empty() {
             part.writer.write(frame, bus)
         } else {
@@ -175,10 +186,27 @@ impl Output {
     }
 
     fn end(&mut self) -> anyhow::Result<()> {
-        match self.part.take() {
-            Some(mut part) => part.writer.finish().with_context(|| failed(&self.path)),
-            None => Ok(()),
+        let Some(mut part) = self.part.take() else { return Ok(()) };
+        self.is_numbered_anew |= part.buses.iter().zip(&self.numbered).any(|(one, other)| one != other);
+        if part.buses.len() > self.numbered.len() {
+            self.numbered = part.buses;
         }
+        part.writer.finish().with_context(|| failed(&self.path))
+    }
+
+    /// Which number each bus got, where that is not plain; `buses` are those there were to choose from.
+    fn numbers(&self, buses: &BusNames) -> Option<String> {
+        let title = self.format.title;
+        let are_plain = (1..).zip(&self.numbered).all(|(number, name)| *name == u32::to_string(&number));
+        if buses.names().len() < 2 || are_plain {
+            return None;
+        }
+        if self.is_numbered_anew {
+            return Some(format!("{title} numbers its buses, each file anew: its comments name them"));
+        }
+        let numbered =
+            (1..).zip(&self.numbered).map(|(number, name)| format!("{} is {number}", escape(name)));
+        Some(format!("{title} numbers its buses: {}", numbered.collect::<Vec<_>>().join(", ")))
     }
 
     /// Ends the last file; what is to be said of it all. `has_frames` tells whether there were any to choose from.
@@ -198,16 +226,7 @@ impl Output {
         if !lost.is_empty() {
             said.push(format!("{} has no place for all of it: {}", self.format.title, lost.join("; ")));
         }
-        let are_numbers = (1..).zip(buses.names()).all(|(number, name)| *name == u32::to_string(&number));
-        if !self.format.holds.bus_names && !are_numbers && buses.names().len() > 1 {
-            let numbered =
-                (1..).zip(buses.names()).map(|(number, name)| format!("{} is {number}", escape(name)));
-            said.push(format!(
-                "{} numbers its buses: {}",
-                self.format.title,
-                numbered.collect::<Vec<_>>().join(", ")
-            ));
-        }
+        said.extend(self.numbers(buses));
         if self.splits {
             said.push(format!("{} in {}", plural(self.frames, "frame"), plural(self.parts, "file")));
         }

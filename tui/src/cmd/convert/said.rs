@@ -1,0 +1,50 @@
+//! What is said of several captures: once, however many of them it is true of.
+
+use std::collections::BTreeSet;
+
+use super::say;
+
+/// Texts with the captures they are true of, in the order in which they came.
+#[derive(Default)]
+pub(super) struct Said(Vec<(String, BTreeSet<usize>)>);
+
+impl Said {
+    /// Remembers what one capture, by its number, gives reason to say.
+    pub(super) fn add(&mut self, text: &str, capture: usize) {
+        match self.0.iter_mut().find(|(known, _)| known == text) {
+            Some((_, of)) => _ = of.insert(capture),
+            None => self.0.push((text.to_owned(), BTreeSet::from([capture]))),
+        }
+    }
+
+    /// Says all of it.
+    pub(super) fn tell(&self, names: &[String]) {
+        for (text, of) in &self.0 {
+            say(&format!("{}: {text}", called(names, of)));
+        }
+    }
+}
+
+/// What some of the captures are called together.
+pub(super) fn called(names: &[String], of: &BTreeSet<usize>) -> String {
+    let first = of.first().and_then(|first| names.get(*first)).map_or("", String::as_str);
+    match (of.len(), names.len()) {
+        (1, _) => first.to_owned(),
+        (some, all) if some == all => format!("all {all} captures"),
+        (some, all) => format!("{some} of {all} captures, first {first}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn captures_are_named_where_they_are_not_all() {
+        let names = ["a.log", "b.log", "c.log"].map(str::to_owned);
+        assert_eq!(called(&names, &BTreeSet::from([1])), "b.log");
+        assert_eq!(called(&names, &BTreeSet::from([1, 2])), "2 of 3 captures, first b.log");
+        assert_eq!(called(&names, &BTreeSet::from([0, 1, 2])), "all 3 captures");
+        assert_eq!(called(&names[..1], &BTreeSet::from([0])), "a.log");
+    }
+}
