@@ -20,6 +20,7 @@ mod objects;
 mod output;
 mod profiles;
 mod readme;
+mod reports;
 mod screens;
 mod stats;
 #[path = "../support/mod.rs"]

@@ -236,7 +236,9 @@ impl Ledger {
         course.since_open += 1;
         let is_worse = claim.measure.is_some_and(|measure| measure > course.worst);
         if is_said || is_worse {
+            // Of thousands of groups most are seen once: nothing is kept in reserve.
             course.said = text();
+            course.said.shrink_to_fit();
         }
         if group.count == 1 {
             group.text.clone_from(&course.said);
@@ -247,6 +249,7 @@ impl Ledger {
             course.worst = measure;
         }
         if group.first.len() < KEPT_OCCURRENCES {
+            group.first.reserve_exact(1);
             group.first.push(claim.at);
         } else {
             if group.last.len() == KEPT_OCCURRENCES {
