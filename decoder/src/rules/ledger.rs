@@ -252,7 +252,9 @@ impl Ledger {
             group.first.reserve_exact(1);
             group.first.push(claim.at);
         } else {
-            if group.last.len() == KEPT_OCCURRENCES {
+            if group.last.is_empty() {
+                group.last.reserve_exact(KEPT_OCCURRENCES);
+            } else if group.last.len() == KEPT_OCCURRENCES {
                 group.last.pop_front();
             }
             group.last.push_back(claim.at);

@@ -1,6 +1,8 @@
 //! JSON Lines: an object a finding, then one a capture, and a total; keys as `docs/check.schema.json` describes
 //! them. Times and objects are written as in `decode -f jsonl`.
 
+use std::io::{self, Write};
+
 use super::{Judged, Outcome, Report, Standing};
 use crate::event::FrameRange;
 use crate::finding::{Cause, Group, Occurrence, Severity, SuppressionUse, Tally};
@@ -180,17 +182,24 @@ pub const KEYS: &[Key] = &[
     key(TOTAL, "fails", KeyType::Bool, true, "Whether the exit status says that something is wrong"),
 ];
 
-/// Writes all captures.
-pub fn write(report: &Report, out: &mut String) {
-    let mut lines = Vec::new();
+/// Writes all captures, a line at a time: of thousands of findings the text is larger than what is kept of them.
+///
+/// # Errors
+/// What `out` cannot take.
+pub fn write(report: &Report, out: &mut dyn Write) -> io::Result<()> {
+    let mut line = Vec::new();
     for judged in &report.captures {
         for group in &judged.findings.groups {
-            finding(group, judged, &mut lines);
+            finding(group, judged, &mut line);
+            out.write_all(&line)?;
+            line.clear();
         }
-        summary(judged, report, &mut lines);
+        summary(judged, report, &mut line);
+        out.write_all(&line)?;
+        line.clear();
     }
-    total(report, &mut lines);
-    out.push_str(&String::from_utf8_lossy(&lines));
+    total(report, &mut line);
+    out.write_all(&line)
 }
 
 fn finding(group: &Group, judged: &Judged, lines: &mut Vec<u8>) {

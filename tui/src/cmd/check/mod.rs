@@ -4,7 +4,7 @@ mod captures;
 mod judge;
 mod known;
 
-use std::io::Write as _;
+use std::io::{self, Write};
 use std::sync::Arc;
 
 use anyhow::Context as _;
@@ -58,7 +58,7 @@ fn checked(arguments: &CheckArgs) -> Result<Exit, Refusal> {
     }
     said.extend(empty.iter().map(|folder| format!("{}: holds no capture", folder.display())));
     for said in said {
-        let _ = writeln!(std::io::stderr(), "cobscope: {said}");
+        let _ = writeln!(io::stderr(), "cobscope: {said}");
     }
     let captures = judged.into_iter().filter_map(|one| one.judged).collect();
     let mut report = Report { captures, least: arguments.fail_on.least(), ..Report::default() };
@@ -67,8 +67,8 @@ fn checked(arguments: &CheckArgs) -> Result<Exit, Refusal> {
     if report.fails() {
         exit = exit.max(Exit::Findings);
     }
-    let text = written(&report, arguments);
-    Ok(exit.max(told(output.write_all(text.as_bytes()).and_then(|()| output.flush()))))
+    let written = write(&report, arguments, &mut output).and_then(|()| output.flush());
+    Ok(exit.max(told(written)))
 }
 
 /// The captures to judge, of which nothing is written over. What is written into a folder is no capture of it.
@@ -97,7 +97,7 @@ fn ready(arguments: &CheckArgs) -> anyhow::Result<(SessionOptions, Arc<Setup>)> 
     Ok((options, Arc::new(setup)))
 }
 
-fn written(report: &Report, arguments: &CheckArgs) -> String {
+fn write(report: &Report, arguments: &CheckArgs, output: &mut dyn Write) -> io::Result<()> {
     let mut text = String::new();
     match arguments.format {
         FindingFormat::Text => {
@@ -105,10 +105,10 @@ fn written(report: &Report, arguments: &CheckArgs) -> String {
             let options = TextOptions { color, verbose: arguments.verbose, coverage: arguments.coverage };
             text::write(report, options, &mut text);
         }
-        FindingFormat::Jsonl => jsonl::write(report, &mut text),
+        FindingFormat::Jsonl => return jsonl::write(report, output),
         FindingFormat::Junit => junit::write(report, &mut text),
         FindingFormat::Sarif => sarif::write(report, &mut text),
         FindingFormat::Github => github::write(report, &mut text),
     }
-    text
+    output.write_all(text.as_bytes())
 }

@@ -227,16 +227,19 @@ impl Watch {
         let (frames, first, last) = (self.frames, self.first, self.last);
         let judged = Judged { capture, frames, first, last, findings, ..Judged::default() };
         let report = Report { captures: vec![judged], least: arguments.fail_on.least(), ..Report::default() };
-        let mut verdict = String::new();
+        let mut verdict = Vec::new();
         if arguments.lines.format == Format::Jsonl {
-            jsonl::write(&report, &mut verdict);
+            // Memory takes all of it.
+            let _ = jsonl::write(&report, &mut verdict);
         } else {
             let color = is_colored(arguments.lines.color, arguments.lines.output.is_some());
             let options = TextOptions { color, verbose: arguments.lines.verbose, coverage: false };
-            text::write(&report, options, &mut verdict);
+            let mut page = String::new();
+            text::write(&report, options, &mut page);
+            verdict = page.into_bytes();
         }
         let exit = if report.fails() { Exit::Findings } else { Exit::Clean };
-        exit.max(written).max(print(verdict.as_bytes()))
+        exit.max(written).max(print(&verdict))
     }
 }
 
