@@ -19,7 +19,7 @@ use crate::wire::canopen::test_marker::TestResult;
 pub const KEPT_OCCURRENCES: usize = 5;
 
 /// Groups of a capture; further ones are only counted.
-pub const GROUP_LIMIT: usize = 5_000;
+pub const GROUP_LIMIT: usize = 3_000;
 
 /// Where a rule comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

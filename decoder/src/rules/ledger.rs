@@ -49,8 +49,8 @@ struct Course {
     since_open: u64,
     /// Measure of the worst.
     worst: f64,
-    /// What is said of it now.
-    said: String,
+    /// What is said of it now, where that is not the group's text.
+    said: Option<String>,
     /// Its word in the lines of events, other than the rule's own.
     word: Option<&'static str>,
 }
@@ -234,20 +234,21 @@ impl Ledger {
         group.count += 1;
         course.last = claim.now;
         course.since_open += 1;
-        let is_worse = claim.measure.is_some_and(|measure| measure > course.worst);
-        if is_said || is_worse {
-            // Of thousands of groups most are seen once: nothing is kept in reserve.
-            course.said = text();
-            course.said.shrink_to_fit();
+        let worse = claim.measure.filter(|measure| *measure > course.worst);
+        if is_said || worse.is_some() {
+            // Of thousands of groups most are seen once: nothing is kept in reserve, or twice.
+            let mut said = text();
+            said.shrink_to_fit();
+            if group.count == 1 {
+                group.text = said;
+            } else {
+                if let Some(measure) = worse {
+                    group.worst = Some((measure, said.clone(), claim.at));
+                }
+                course.said = Some(said);
+            }
         }
-        if group.count == 1 {
-            group.text.clone_from(&course.said);
-        } else if is_worse && let Some(measure) = claim.measure {
-            group.worst = Some((measure, course.said.clone(), claim.at));
-        }
-        if is_worse && let Some(measure) = claim.measure {
-            course.worst = measure;
-        }
+        course.worst = worse.unwrap_or(course.worst);
         if group.first.len() < KEPT_OCCURRENCES {
             group.first.reserve_exact(1);
             group.first.push(claim.at);
@@ -279,7 +280,7 @@ impl Ledger {
             }
         }
         if rises || group.count == 1 {
-            group.text.clone_from(&course.said);
+            group.text = course.said.take().unwrap_or_else(|| std::mem::take(&mut group.text));
             group.severity = severity;
             group.downgraded = reason;
         }
@@ -347,7 +348,7 @@ impl Ledger {
         let rule = self.rules.get(usize::from(group.key.rule))?;
         let text = match (&group.worst, news.what) {
             (Some((_, text, _)), What::Closed | What::Ended) => text.clone(),
-            _ => course.said.clone(),
+            _ => course.said.as_ref().unwrap_or(&group.text).clone(),
         };
         let (count, is_at_end) = (course.since_open, news.what == What::Ended);
         let word = course.word.unwrap_or(rule.word);
