@@ -35,7 +35,8 @@ impl Transfers {
 
     /// What a master writes before it starts a node.
     pub(super) fn configure(&mut self, node: u16, mapping: bool) {
-        self.upload(object(node, 0x1000, 0), &[0x92, 0x01, 0x02, 0x00]);
+        // Inputs and outputs (CiA 401): a drive would be read by what is known of drives, and be dearer.
+        self.upload(object(node, 0x1000, 0), &[0x91, 0x01, 0x0F, 0x00]);
         self.upload_segments(object(node, 0x1008, 0), b"Servo drive, axis controller");
         if !mapping {
             return;
