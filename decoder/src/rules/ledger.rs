@@ -280,7 +280,9 @@ impl Ledger {
             }
         }
         if rises || group.count == 1 {
-            group.text = course.said.take().unwrap_or_else(|| std::mem::take(&mut group.text));
+            if let Some(said) = course.said.take() {
+                group.text = said;
+            }
             group.severity = severity;
             group.downgraded = reason;
         }

@@ -257,11 +257,14 @@ impl Why {
     }
 }
 
-/// Why a bus is not taken for CANopen; `None` too where it is J1939.
+/// Why a bus is not taken for CANopen; `None` too where it is J1939 or UDS.
 fn doubt(bus: &Bus) -> Option<String> {
     let is_other = !bus.is_canopen() && !bus.is_j1939() && !bus.is_uds();
     let doubt = is_other.then(|| bus.doubt().unwrap_or_else(|| "no sign of it".to_owned()))?;
-    Some(bus.unnamed_uds().map_or(doubt.clone(), |hint| format!("{doubt}; {hint}")))
+    Some(match bus.unnamed_uds() {
+        Some(hint) => format!("{doubt}; {hint}"),
+        None => doubt,
+    })
 }
 
 /// Whether the protocol that tells of a fault is believed.

@@ -3,6 +3,7 @@
 use crate::frame::{CanId, Frame};
 use crate::profile;
 use crate::wire::isotp::{self, IsoTp};
+use crate::words::plural;
 
 /// Pairs of identifiers that are counted; many more talk to each other by chance only.
 const MOST_PAIRS: usize = 32;
@@ -67,7 +68,7 @@ impl Unnamed {
         let [Pair { request, response, .. }, others @ ..] = pairs.as_slice() else { return None };
         let others = match others.len() {
             0 => String::new(),
-            more => format!(", and {more} more such pairs"),
+            more => format!(", and so do {}", plural(more, "more pair")),
         };
         Some(format!(
             "{response} answers {request} as UDS does{others}: named under [[uds]] in a bus file (--bus), request = \
