@@ -6,11 +6,14 @@
 //! ```
 //!
 //! Seconds and interface repeat from line to line, so both are compared with the line before instead of
-//! being parsed. Digits are handled eight at a time in one register. Everything else (other fraction
+//! being parsed. Digits are handled eight or sixteen at a time in one register. Everything else (other fraction
 //! lengths, remote, FD and error frames, suffixes, CR) is left to [`super::line`]; a property test holds
 //! both to the same result.
 
-use crate::frame::{BusIndex, CanId};
+use bytemuck::must_cast;
+use wide::{i16x8, u8x16, u16x8};
+
+use crate::frame::{BusIndex, CanId, Frame, FrameFlags, Timestamp};
 
 /// Bytes looked at: the longest common line, and room for eight-byte loads behind it.
 pub(super) const WINDOW: usize = 64;
@@ -23,18 +26,6 @@ const fn each(byte: u8) -> u64 {
     u64::from_le_bytes([byte; 8])
 }
 
-/// What was read of a line.
-#[derive(Debug, PartialEq, Eq)]
-pub(super) struct FastLine {
-    pub(super) stamp: i64,
-    pub(super) bus: BusIndex,
-    pub(super) id: CanId,
-    pub(super) length: u8,
-    pub(super) data: u64,
-    /// Bytes of the line with its `\n`.
-    pub(super) taken: usize,
-}
-
 /// Second and interfaces of the lines before.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Cache {
@@ -44,13 +35,20 @@ pub(super) struct Cache {
     names: [Name; 2],
 }
 
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 struct Name {
     /// Name and the blank behind it.
     text: u64,
     mask: u64,
     length: usize,
     bus: BusIndex,
+}
+
+/// No name: equal to nothing.
+impl Default for Name {
+    fn default() -> Self {
+        Self { text: u64::MAX, mask: 0, length: 0, bus: BusIndex(0) }
+    }
 }
 
 impl Cache {
@@ -94,9 +92,10 @@ impl Cache {
         Some(nanoseconds)
     }
 
-    /// Reads the line at the start of `input`; `None` leaves it to the general parser.
+    /// Reads the line at the start of `input` into `frame`, its number apart: the bytes of the line with its `\n`.
+    /// `None` leaves it to the general parser, with `frame` as it was.
     #[inline]
-    pub(super) fn parse(&mut self, input: &[u8; WINDOW]) -> Option<FastLine> {
+    pub(super) fn parse(&mut self, input: &[u8; WINDOW], frame: &mut Frame) -> Option<usize> {
         let end_of_head = load(input, 4)? >> 32;
         let head = (load(input, 0)?, u32::try_from(end_of_head).ok()?);
         let nanoseconds = if head == self.head { self.nanoseconds } else { self.new_second(input, head)? };
@@ -107,28 +106,28 @@ impl Cache {
         let micros = eight_digits(fraction << 16 | u64::from(u16::from_le_bytes(*b"00")))?;
         let channel = load(input, 20)?;
         let [first, second] = &self.names;
-        let name = if channel & first.mask == first.text && first.length != 0 {
+        let name = if channel & first.mask == first.text {
             first
-        } else if channel & second.mask == second.text && second.length != 0 {
+        } else if channel & second.mask == second.text {
             second
         } else {
             return None;
         };
-        let start = 20 + name.length;
-        let (id, data_start) = identifier(input, start)?;
-        let (data, digits) = hex_run(input, data_start)?;
-        let end = data_start + digits;
+        let (id, data_start) = identifier(input, 20 + name.length)?;
+        let (bytes, digits) = hex_run(input, data_start)?;
+        let end = data_start + digits as usize;
         if input.get(end) != Some(&b'\n') || digits % 2 != 0 {
             return None;
         }
-        Some(FastLine {
-            stamp: nanoseconds.saturating_add(micros * 1_000),
-            bus: name.bus,
-            id,
-            length: u8::try_from(digits / 2).ok()?,
-            data,
-            taken: end + 1,
-        })
+        let beyond = u64::MAX.checked_shl(digits * 4).unwrap_or(0);
+        *frame.bytes.first_chunk_mut()? = (bytes & !beyond).to_le_bytes();
+        frame.time = Some(Timestamp(nanoseconds.saturating_add(micros * 1_000)));
+        frame.bus = name.bus;
+        frame.id = id;
+        frame.flags = FrameFlags(0);
+        frame.length = (digits / 2).to_le_bytes()[0];
+        frame.raw_dlc = 0;
+        Some(end + 1)
     }
 }
 
@@ -140,63 +139,38 @@ fn load(input: &[u8; WINDOW], at: usize) -> Option<u64> {
 /// Three digits and `#`, or eight and `#` without the error bit.
 #[inline]
 fn identifier(input: &[u8; WINDOW], start: usize) -> Option<(CanId, usize)> {
-    let text = load(input, start)?;
-    if text >> 24 & 0xFF == u64::from(b'#') {
-        let digits = text & 0x00FF_FFFF | u64::from(b'0') << 24;
-        if not_hex(digits | each(b'0') << 32) != 0 {
-            return None;
-        }
-        // Nibbles of the digits, first digit lowest byte.
-        let nibbles = nibbles(digits);
-        let id = (nibbles & 0xF) << 8 | (nibbles >> 8 & 0xF) << 4 | nibbles >> 16 & 0xF;
-        return (id <= 0x7FF).then_some((CanId::Standard(u16::try_from(id).ok()?), start + 4));
-    }
-    if input.get(start + 8) != Some(&b'#') || not_hex(text) != 0 {
+    let (bytes, digits) = hex_run(input, start)?;
+    let [first, second, third, fourth, ..] = bytes.to_le_bytes();
+    let (id, end) = if digits == 3 {
+        let id = u16::from_be_bytes([first, second]) >> 4;
+        ((id <= 0x7FF).then_some(CanId::Standard(id))?, start + 3)
+    } else if digits == 8 {
+        let id = u32::from_be_bytes([first, second, third, fourth]);
+        ((id < 0x2000_0000).then_some(CanId::Extended(id))?, start + 8)
+    } else {
         return None;
-    }
-    let id = pack(nibbles(text)).swap_bytes();
-    (id < 0x2000_0000).then_some((CanId::Extended(id), start + 9))
+    };
+    (input.get(end) == Some(&b'#')).then_some((id, end + 1))
 }
 
-/// Up to sixteen hex digits from `start`: their bytes, first byte lowest, and the number of digits.
+/// Up to sixteen hex digits from `start`: their bytes, first byte lowest, and the number of digits. What is behind
+/// them in the bytes means nothing.
 ///
 /// Always looks at sixteen: a branch on the length would be mispredicted too often.
 #[inline]
-fn hex_run(input: &[u8; WINDOW], start: usize) -> Option<(u64, usize)> {
-    let low = load(input, start)?;
-    let high = load(input, start + 8)?;
-    let wrong = u128::from(not_hex(low)) | u128::from(not_hex(high)) << 64;
-    let digits = wrong.trailing_zeros() / 8;
-    let bytes = u64::from(pack(nibbles(low))) | u64::from(pack(nibbles(high))) << 32;
-    let beyond = u64::MAX.checked_shl(digits * 4).unwrap_or(0);
-    Some((bytes & !beyond, digits as usize))
-}
-
-/// The top bit of each byte that is no hexadecimal digit.
-#[inline]
-const fn not_hex(text: u64) -> u64 {
-    let ascii = text & each(0x7F);
-    let as_digit = ascii ^ each(0x30);
-    let above_nine = as_digit.wrapping_add(each(0x7F - 9));
-    let as_letter = (ascii | each(0x20)) ^ each(0x60);
-    let above_f = as_letter.wrapping_add(each(0x7F - 6));
-    let below_a = !as_letter.wrapping_add(each(0x7F));
-    (text | above_nine & (above_f | below_a)) & each(0x80)
-}
-
-/// The value of each hexadecimal digit, in place.
-#[inline]
-const fn nibbles(text: u64) -> u64 {
-    (text & each(0x0F)) + ((text >> 6) & each(0x01)) * 9
-}
-
-/// Eight nibbles, first lowest, to four bytes, first lowest.
-#[inline]
-#[expect(clippy::cast_possible_truncation, reason = "the low half holds the four bytes")]
-const fn pack(nibbles: u64) -> u32 {
-    let pairs = (nibbles << 4 | nibbles >> 8) & 0x00FF_00FF_00FF_00FF;
-    let quads = (pairs | pairs >> 8) & 0x0000_FFFF_0000_FFFF;
-    (quads | quads >> 16) as u32
+fn hex_run(input: &[u8; WINDOW], start: usize) -> Option<(u64, u32)> {
+    let text = u8x16::new(*input.get(start..)?.first_chunk()?);
+    let digit = text ^ u8x16::splat(b'0');
+    let letter = (text | u8x16::splat(0x20)) - u8x16::splat(b'a');
+    let is_letter = letter.simd_le(u8x16::splat(5));
+    let is_hex = digit.simd_le(u8x16::splat(9)) | is_letter;
+    let digits = (!is_hex.to_bitmask()).trailing_zeros();
+    // A letter's low half counts from one.
+    let nibbles = (digit & u8x16::splat(0x0F)) + (is_letter & u8x16::splat(9));
+    let pairs: u16x8 = must_cast(nibbles);
+    let pairs: i16x8 = must_cast((pairs << 4 | pairs >> 8) & u16x8::splat(0xFF));
+    let [bytes, _]: [u64; 2] = must_cast(u8x16::narrow_i16x8(pairs, pairs));
+    Some((bytes, digits))
 }
 
 /// The number that eight decimal digits make, first digit lowest byte.
@@ -229,23 +203,44 @@ mod tests {
         cache
     }
 
+    /// The frame of a line, and the bytes the line took.
+    fn parse(line: &str) -> Option<(Frame, usize)> {
+        let mut frame = Frame::EMPTY;
+        let taken = cache().parse(&window(line), &mut frame)?;
+        Some((frame, taken))
+    }
+
+    fn expected(time: i64, bus: u8, id: CanId, data: &[u8]) -> Frame {
+        Frame { time: Some(Timestamp(time)), bus: BusIndex(bus), ..Frame::data_frame(id, data) }
+    }
+
     #[test]
     fn a_line_of_each_common_kind() {
         let line = "(1700000000.123456) can0 18A#08a01F0020\n";
-        let fast = cache().parse(&window(line)).unwrap();
-        assert_eq!(fast.stamp, 1_700_000_000_123_456_000);
-        assert_eq!(fast.id, CanId::Standard(0x18A));
-        assert_eq!((fast.length, fast.bus), (5, BusIndex(0)));
-        assert_eq!(fast.data.to_le_bytes()[..5], [0x08, 0xA0, 0x1F, 0x00, 0x20]);
-        assert_eq!(fast.taken, line.len());
+        let (frame, taken) = parse(line).unwrap();
+        let data = [0x08, 0xA0, 0x1F, 0x00, 0x20];
+        assert_eq!(frame, expected(1_700_000_000_123_456_000, 0, CanId::Standard(0x18A), &data));
+        assert_eq!(frame.bytes[5..8], [0, 0, 0], "what is behind the data is no data");
+        assert_eq!(taken, line.len());
 
-        let fast = cache().parse(&window("(0000000000.000001) can1 18FEF100#0011223344556677\n")).unwrap();
-        assert_eq!((fast.stamp, fast.id), (1_000, CanId::Extended(0x18FE_F100)));
-        assert_eq!(fast.data.to_le_bytes(), [0, 0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77]);
-        assert_eq!(fast.bus, BusIndex(1));
+        let (frame, _) = parse("(0000000000.000001) can1 18FEF100#0011223344556677\n").unwrap();
+        let data = [0, 0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77];
+        assert_eq!(frame, expected(1_000, 1, CanId::Extended(0x18FE_F100), &data));
 
-        let fast = cache().parse(&window("(1700000000.000000) can0 080#\n")).unwrap();
-        assert_eq!((fast.length, fast.id), (0, CanId::Standard(0x80)));
+        let (frame, _) = parse("(1700000000.000000) can0 080#\n").unwrap();
+        assert_eq!(frame, expected(1_700_000_000_000_000_000, 0, CanId::Standard(0x80), &[]));
+    }
+
+    #[test]
+    fn each_digit_has_its_value_and_their_neighbours_in_ascii_none() {
+        for (digits, byte) in [("09", 0x09), ("9a", 0x9A), ("aF", 0xAF), ("f0", 0xF0), ("A9", 0xA9)] {
+            let (frame, _) = parse(&format!("(1700000000.000000) can0 080#{digits}\n")).unwrap();
+            assert_eq!(frame.data(), [byte], "{digits}");
+        }
+        for wrong in ['/', ':', '@', 'G', '`', 'g', ' ', 'P', 'p', 'Ä'] {
+            assert_eq!(parse(&format!("(1700000000.000000) can0 080#0{wrong}\n")), None, "{wrong}");
+            assert_eq!(parse(&format!("(1700000000.000000) can0 0{wrong}0#00\n")), None, "{wrong}");
+        }
     }
 
     #[test]
@@ -266,7 +261,7 @@ mod tests {
             "(1700000000.123456) can0 12G#AA\n",
             " (1700000000.123456)  can0  123   [1]  AA\n",
         ] {
-            assert_eq!(cache().parse(&window(line)), None, "{line}");
+            assert_eq!(parse(line), None, "{line}");
         }
     }
 }

@@ -16,7 +16,7 @@ use super::{
     Batch, BusNames, CaptureError, Format, Holds, LARGEST_RECORD, Notice, Parser, Place, ReadOptions,
     WritableFormat,
 };
-use crate::frame::{Frame, FrameFlags};
+use crate::frame::Frame;
 
 /// Lines whose stamps decide whether times are differences.
 const DECIDING_LINES: usize = 1_000;
@@ -82,22 +82,13 @@ impl Candump {
             return 0;
         }
         while let Some(window) = input.get(taken..).and_then(|rest| rest.first_chunk()) {
-            let Some(line) = self.cache.parse(window) else { break };
             let Some(slot) = batch.slot() else { break };
+            let Some(length) = self.cache.parse(window, slot) else { break };
             self.lines.count_one();
             self.frames += 1;
             slot.number = self.frames;
-            slot.time = Some(crate::frame::Timestamp(line.stamp));
-            slot.bus = line.bus;
-            slot.id = line.id;
-            slot.flags = FrameFlags(0);
-            slot.length = line.length;
-            slot.raw_dlc = 0;
-            if let Some(bytes) = slot.bytes.first_chunk_mut() {
-                *bytes = line.data.to_le_bytes();
-            }
             batch.commit();
-            taken += line.taken;
+            taken += length;
         }
         taken
     }
