@@ -182,7 +182,10 @@ impl fmt::Display for Question {
                     let separator = if place > 0 { ", " } else { "" };
                     write!(f, "{separator}{}", member.from)?;
                     if let Some(to) = &member.to {
-                        write!(f, "..{to}")?;
+                        // A point at the end of a word would be read as one of the two.
+                        let gap =
+                            if !member.from.is_quoted && member.from.text.ends_with('.') { " " } else { "" };
+                        write!(f, "{gap}..{to}")?;
                     }
                 }
                 f.write_str("}")

@@ -198,6 +198,7 @@ mod tests {
     #[test]
     fn sets() {
         assert_eq!(printed("a in {1 2,3 .. 4 \"x\"..\"y\"}"), "a in {1, 2, 3..4, \"x\"..\"y\"}");
+        assert_eq!(printed("a in {1. ..4 x..y}"), "a in {1. ..4, x..y}");
         assert_eq!(printed("a in {}"), "6..7 a value should stand here");
         assert_eq!(printed("a in {1,}"), "8..9 a value should stand here");
         assert_eq!(printed("a in {1"), "7..7 the set's closing brace is missing");
