@@ -3,6 +3,9 @@
 //! Eight digits are made at a time in one register and appended whole; what is too much is cut off again.
 //! Appending a fixed number of bytes is a single store, a length known only at run time is a call.
 
+use bytemuck::must_cast;
+use wide::{u8x16, u16x8};
+
 /// Repeated byte, as a register of eight.
 const fn each(byte: u8) -> u64 {
     u64::from_le_bytes([byte; 8])
@@ -40,13 +43,34 @@ pub(super) fn push_decimal(out: &mut Vec<u8>, value: u64) {
     }
 }
 
+/// Appends a number, a comma and the number again.
+#[inline]
+pub(super) fn push_twice(out: &mut Vec<u8>, value: u64) {
+    if value < PART {
+        let (text, length) = short(value);
+        push_part(out, text, length);
+        out.push(b',');
+        push_part(out, text, length);
+    } else {
+        push_long(out, value);
+        out.push(b',');
+        push_long(out, value);
+    }
+}
+
 /// Appends a number below [`PART`].
 #[inline]
 fn push_short(out: &mut Vec<u8>, value: u64) {
+    let (text, length) = short(value);
+    push_part(out, text, length);
+}
+
+/// The digits of a number below [`PART`], and how many they are.
+#[inline]
+fn short(value: u64) -> ([u8; 8], usize) {
     let digits = decimal_digits(value);
     let leading = (digits.trailing_zeros() / 8).min(7);
-    let text = (digits | each(b'0')) >> (leading * 8);
-    push_part(out, text.to_le_bytes(), 8 - leading as usize);
+    (((digits | each(b'0')) >> (leading * 8)).to_le_bytes(), 8 - leading as usize)
 }
 
 fn push_long(out: &mut Vec<u8>, value: u64) {
@@ -118,23 +142,22 @@ pub(super) fn push_seconds(out: &mut Vec<u8>, nanoseconds: i64) {
     push_nine(out, nanoseconds % 1_000_000_000);
 }
 
-/// The eight upper-case hex digits of the low four bytes, first byte lowest.
+/// Upper-case hex pairs of eight bytes.
 #[inline]
-const fn hex_digits(bytes: u64) -> u64 {
-    let spread = bytes & 0xFFFF_FFFF;
-    let spread = (spread | spread << 16) & 0x0000_FFFF_0000_FFFF;
-    let spread = (spread | spread << 8) & 0x00FF_00FF_00FF_00FF;
-    let nibbles = (spread >> 4 | spread << 8) & each(0x0F);
-    let letters = (nibbles + each(6)) >> 4 & each(1);
-    nibbles + each(b'0') + letters * 7
+fn hex_pairs(bytes: [u8; 8]) -> [u8; 16] {
+    let bytes: u8x16 = must_cast([bytes, [0; 8]]);
+    let low = bytes & u8x16::splat(0x0F);
+    let words: u16x8 = must_cast(bytes);
+    let high = must_cast::<_, u8x16>(words >> 4) & u8x16::splat(0x0F);
+    let nibbles = u8x16::unpack_low(high, low);
+    let is_letter = nibbles.simd_gt(u8x16::splat(9));
+    (nibbles + u8x16::splat(b'0') + (is_letter & u8x16::splat(b'A' - b'0' - 10))).to_array()
 }
 
 /// Appends up to eight bytes as hex pairs; `kept` of them count.
 #[inline]
 pub(super) fn push_hex_word(out: &mut Vec<u8>, bytes: [u8; 8], kept: usize) {
-    let word = u64::from_le_bytes(bytes);
-    let text = u128::from(hex_digits(word)) | u128::from(hex_digits(word >> 32)) << 64;
-    push_part(out, text.to_le_bytes(), kept * 2);
+    push_part(out, hex_pairs(bytes), kept * 2);
 }
 
 /// Appends bytes as hex pairs.
@@ -152,10 +175,9 @@ pub(super) fn push_hex(out: &mut Vec<u8>, bytes: &[u8]) {
 #[inline]
 pub(super) fn push_spaced_hex(out: &mut Vec<u8>, bytes: &[u8]) {
     for chunk in bytes.chunks(8) {
-        let word = u64::from_le_bytes(padded(chunk));
         let mut text = [b' '; 24];
-        let digits = [hex_digits(word).to_le_bytes(), hex_digits(word >> 32).to_le_bytes()];
-        let pairs = digits.as_flattened().as_chunks::<2>().0;
+        let digits = hex_pairs(padded(chunk));
+        let pairs = digits.as_chunks::<2>().0;
         for (target, pair) in text.as_chunks_mut::<3>().0.iter_mut().zip(pairs) {
             let [high, low, _] = target;
             [*high, *low] = *pair;
@@ -177,9 +199,11 @@ pub(super) fn push_blanks(out: &mut Vec<u8>, width: usize, there: usize) {
 /// Appends the low `digits` hex digits of a number, at most eight; more if it has more.
 #[inline]
 pub(super) fn push_code(out: &mut Vec<u8>, value: u32, digits: usize) {
-    let all = hex_digits(u64::from(value.swap_bytes()));
     let needed = (8 - value.leading_zeros() as usize / 4).max(digits.clamp(1, 8));
-    push_part(out, (all >> ((8 - needed) * 8)).to_le_bytes(), needed);
+    // The digits wanted first: what is above them has none.
+    let aligned = u64::from(value) << (64 - 4 * needed);
+    let [text @ .., _, _, _, _, _, _, _, _] = hex_pairs(aligned.to_be_bytes());
+    push_part(out, text, needed);
 }
 
 /// Up to eight bytes, zeros behind them.

@@ -17,7 +17,9 @@ use crate::frame::{CanId, Timestamp};
 use crate::profile::{Layout, PdoName};
 use crate::query::record::signals;
 use crate::session::Bus;
-use crate::sink::ascii::{push_decimal, push_hex, push_hex_word, push_nine, push_part, push_seconds};
+use crate::sink::ascii::{
+    push_decimal, push_hex, push_hex_word, push_nine, push_part, push_seconds, push_twice,
+};
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 
@@ -135,9 +137,13 @@ impl Prepared {
         push_time(&mut self.second, &mut self.second_text, &mut self.second_length, time, line);
         line.extend_from_slice(&head.text);
         let FrameRange { first, last } = event.frames;
-        push_decimal(line, first);
-        line.push(b',');
-        push_decimal(line, last);
+        if first == last {
+            push_twice(line, first);
+        } else {
+            push_decimal(line, first);
+            line.push(b',');
+            push_decimal(line, last);
+        }
         line.extend_from_slice(&tail.text);
         if let EventKind::Pdo(pdo) = &event.kind {
             push_payload(pdo, &mut tail.signals, line);
