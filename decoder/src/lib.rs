@@ -27,6 +27,7 @@
 //! # Ok::<(), cobscope_decoder::capture::CaptureError>(())
 //! ```
 
+mod ascii;
 pub mod bus_file;
 pub mod capture;
 pub mod decoder;

@@ -11,8 +11,9 @@ use crate::support::workspace;
 /// `decoder.rs` alone knows every stage; `samples.rs` runs it. `lib.rs` only lists them.
 const LAYERS: &[(&str, &[&str])] = &[
     ("words", &[]),
+    ("ascii", &[]),
     ("frame", &[]),
-    ("capture", &["words", "frame"]),
+    ("capture", &["words", "ascii", "frame"]),
     ("wire", &["words", "frame"]),
     ("profile", &["words", "frame", "wire"]),
     ("event", &["words", "frame", "wire", "profile"]),
@@ -40,6 +41,7 @@ const LAYERS: &[(&str, &[&str])] = &[
         "sink",
         &[
             "words",
+            "ascii",
             "frame",
             "capture",
             "wire",

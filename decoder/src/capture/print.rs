@@ -1,120 +1,29 @@
-//! Parts of lines of text captures: digits, and texts that come from outside.
-//!
-//! All of it appends to a line that is used again and again. Digits are made in arrays of a fixed size,
-//! appended whole and cut: that takes no call, a copy of a length that is not known does.
+//! Parts of lines of text captures: payload, numbers of buses, and texts that come from outside.
 
-use crate::frame::{Frame, FrameFlags, MAX_DATA};
+use crate::ascii::{push_hex, push_hex_word, push_spaced_hex, push_spaced_word};
+use crate::frame::Frame;
 
 /// Bytes of a classic frame.
 const CLASSIC: usize = 8;
 
-/// A hexadecimal digit, upper case.
-const fn digit(nibble: u8) -> u8 {
-    let nibble = nibble & 0x0F;
-    if nibble > 9 { nibble + (b'A' - 10) } else { nibble + b'0' }
-}
-
-const fn pair(byte: u8) -> [u8; 2] {
-    [digit(byte >> 4), digit(byte)]
-}
-
-/// Appends the first `count` bytes of a text.
-#[inline]
-pub(super) fn push_start<const N: usize>(line: &mut Vec<u8>, text: &[u8; N], count: usize) {
-    let end = line.len().saturating_add(count.min(N));
-    line.extend_from_slice(text);
-    line.truncate(end);
-}
-
-/// Appends payload in pairs of hexadecimal digits.
+/// Appends payload in pairs of hexadecimal digits; a remote frame has none.
 #[inline]
 pub(super) fn push_data(line: &mut Vec<u8>, frame: &Frame) {
-    push_bytes(line, frame, pair);
+    let data = frame.data();
+    match frame.bytes.first_chunk() {
+        Some(bytes) if data.len() <= CLASSIC => push_hex_word(line, *bytes, data.len()),
+        _ => push_hex(line, data),
+    }
 }
 
-/// Appends payload in pairs of hexadecimal digits with a blank before each.
+/// Appends payload in pairs of hexadecimal digits with a blank before each; a remote frame has none.
 #[inline]
 pub(super) fn push_spaced_data(line: &mut Vec<u8>, frame: &Frame) {
-    push_bytes(line, frame, |byte| [b' ', digit(byte >> 4), digit(byte)]);
-}
-
-/// Appends the payload, `N` characters a byte; a remote frame has none.
-#[inline]
-fn push_bytes<const N: usize>(line: &mut Vec<u8>, frame: &Frame, text: impl Fn(u8) -> [u8; N]) {
-    if frame.flags.contains(FrameFlags::REMOTE) {
-        return;
+    let data = frame.data();
+    match frame.bytes.first_chunk() {
+        Some(bytes) if data.len() <= CLASSIC => push_spaced_word(line, *bytes, data.len()),
+        _ => push_spaced_hex(line, data),
     }
-    let length = usize::from(frame.length).min(MAX_DATA);
-    let end = line.len().saturating_add(length.saturating_mul(N));
-    match frame.bytes.first_chunk::<CLASSIC>() {
-        Some(bytes) if length <= CLASSIC => line.extend_from_slice(bytes.map(text).as_flattened()),
-        _ => line.extend_from_slice(frame.bytes.map(text).as_flattened()),
-    }
-    line.truncate(end);
-}
-
-/// Appends a number in hexadecimal, three digits or eight.
-#[inline]
-pub(super) fn push_hex(line: &mut Vec<u8>, number: u32, is_long: bool) {
-    let [a, b, c, d] = number.to_be_bytes();
-    if is_long {
-        line.extend_from_slice([a, b, c, d].map(pair).as_flattened());
-    } else {
-        line.extend_from_slice(&[digit(c), digit(d >> 4), digit(d)]);
-    }
-}
-
-/// Appends a number in hexadecimal without leading zeros; returns how many digits it has.
-#[inline]
-pub(super) fn push_short_hex(line: &mut Vec<u8>, number: u32) -> usize {
-    if let (0..16, [.., last]) = (number, number.to_be_bytes()) {
-        line.push(digit(last));
-        return 1;
-    }
-    let digits = (u32::BITS - number.leading_zeros()).div_ceil(4);
-    let all = number.rotate_right(4 * digits).to_be_bytes().map(pair);
-    let count = digits as usize;
-    if let Ok(text) = <&[u8; 8]>::try_from(all.as_flattened()) {
-        push_start(line, text, count);
-    }
-    count
-}
-
-/// Appends a number in decimal, with blanks before it up to `width`.
-#[inline]
-pub(super) fn push_decimal(line: &mut Vec<u8>, mut number: u64, width: usize) {
-    if number < 10 && width <= 1 {
-        line.push(last_digit(number));
-        return;
-    }
-    let mut text = [b' '; 20];
-    let mut count = 0;
-    for slot in text.iter_mut().rev() {
-        *slot = last_digit(number);
-        number /= 10;
-        count += 1;
-        if number == 0 {
-            break;
-        }
-    }
-    let start = text.len().saturating_sub(width.max(count));
-    line.extend_from_slice(text.get(start..).unwrap_or_default());
-}
-
-/// Appends the last `N` decimal digits of a number.
-#[inline]
-pub(super) fn push_digits<const N: usize>(line: &mut Vec<u8>, mut number: u64) {
-    let mut text = [0; N];
-    for slot in text.iter_mut().rev() {
-        *slot = last_digit(number);
-        number /= 10;
-    }
-    line.extend_from_slice(&text);
-}
-
-#[inline]
-fn last_digit(number: u64) -> u8 {
-    u8::try_from(number % 10).unwrap_or(0) + b'0'
 }
 
 /// A text that is made anew only when what it stands for changes.
@@ -206,25 +115,12 @@ pub(super) fn cut(text: &str, limit: usize) -> &str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::CanId;
+    use crate::frame::{CanId, FrameFlags};
 
     fn made(make: impl FnOnce(&mut Vec<u8>)) -> String {
         let mut line = Vec::new();
         make(&mut line);
         String::from_utf8(line).unwrap()
-    }
-
-    #[test]
-    fn digits_in_both_bases() {
-        assert_eq!(made(|line| push_hex(line, 0x7A, false)), "07A");
-        assert_eq!(made(|line| push_hex(line, 0x18FE_CA80, true)), "18FECA80");
-        for (number, text) in [(0, "0"), (0xF, "F"), (0x123, "123"), (0x1FFF_FFFF, "1FFFFFFF")] {
-            assert_eq!(made(|line| assert_eq!(push_short_hex(line, number), text.len())), text);
-        }
-        assert_eq!(made(|line| push_decimal(line, 0, 4)), "   0");
-        assert_eq!(made(|line| push_decimal(line, 12_345, 4)), "12345");
-        assert_eq!(made(|line| push_decimal(line, u64::MAX, 0)), u64::MAX.to_string());
-        assert_eq!(made(|line| push_digits::<6>(line, 1_042)), "001042");
     }
 
     #[test]

@@ -7,9 +7,9 @@
 
 use std::io::{self, Write};
 
-use super::ascii::push_seconds;
 use super::push_escaped;
 use super::values::{self, Groups, Named};
+use crate::ascii::push_seconds;
 use crate::event::Event;
 use crate::frame::Timestamp;
 use crate::query::record::FieldValue;
@@ -125,7 +125,7 @@ pub(super) fn push_text(line: &mut Vec<u8>, text: &str) {
 
 fn push_number(line: &mut Vec<u8>, number: u64) {
     line.push(b',');
-    super::ascii::push_decimal(line, number);
+    crate::ascii::push_decimal(line, number);
 }
 
 /// Appends a value: numbers as they are, so that a negative one stays a number.
@@ -134,12 +134,12 @@ pub(super) fn push_value(line: &mut Vec<u8>, value: FieldValue<'_>) {
         FieldValue::Text(text) => push_cell(line, text),
         FieldValue::Bytes(bytes) => {
             line.push(b',');
-            super::ascii::push_hex(line, bytes);
+            crate::ascii::push_hex(line, bytes);
         }
         FieldValue::Unsigned(value) => push_number(line, value),
         FieldValue::Integer(value) => {
             line.push(b',');
-            super::ascii::push_integer(line, value);
+            crate::ascii::push_integer(line, value);
         }
         FieldValue::Real(value) if value.is_finite() => {
             // Writing to a vector cannot fail.

@@ -1,6 +1,5 @@
 //! Events to bytes, one format a file.
 
-mod ascii;
 pub mod csv;
 pub mod csv_wide;
 pub mod findings;

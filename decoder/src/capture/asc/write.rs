@@ -19,13 +19,12 @@
 use std::io::{self, Write};
 
 use super::error;
+use crate::ascii::{push_blanks, push_code, push_decimal, push_digits, push_nine, push_padded, push_part};
 use crate::capture::Notice;
 use crate::capture::bus_error::broken;
 use crate::capture::calendar::date;
 use crate::capture::elapsed::Elapsed;
-use crate::capture::print::{
-    Kept, Numbering, push_decimal, push_digits, push_lines, push_short_hex, push_spaced_data, push_start,
-};
+use crate::capture::print::{Kept, Numbering, push_lines, push_spaced_data};
 use crate::capture::writer::FrameWriter;
 use crate::frame::{CanId, Frame, FrameFlags, fd_length};
 
@@ -110,14 +109,14 @@ impl<W: Write> AscWriter<W> {
         let time = self.elapsed.nanoseconds(frame.time);
         let (second, fraction) = (time / SECOND, time % SECOND);
         let begin = self.seconds.text(&second, |text, second| {
-            push_decimal(text, *second, 4);
+            push_padded(text, *second, 4);
             text.push(b'.');
         });
         self.line.extend_from_slice(begin);
         if fraction.is_multiple_of(1_000) {
-            push_digits::<6>(&mut self.line, fraction / 1_000);
+            push_digits(&mut self.line, fraction / 1_000, 6);
         } else {
-            push_digits::<9>(&mut self.line, fraction);
+            push_nine(&mut self.line, fraction);
         }
         self.line.push(b' ');
     }
@@ -130,54 +129,52 @@ impl<W: Write> AscWriter<W> {
 
     /// `123`, `18FEF100x`; returns its length.
     fn identifier(&mut self, id: CanId) -> usize {
-        let digits = push_short_hex(&mut self.line, id.number());
-        match id {
-            CanId::Standard(_) => digits,
-            CanId::Extended(_) => {
-                self.line.push(b'x');
-                digits + 1
-            }
+        let begin = self.line.len();
+        push_code(&mut self.line, id.number(), 1);
+        if let CanId::Extended(_) = id {
+            self.line.push(b'x');
         }
+        self.line.len().saturating_sub(begin)
     }
 
     fn classic(&mut self, frame: &Frame, channel: u64) {
-        push_decimal(&mut self.line, channel, 0);
+        push_decimal(&mut self.line, channel);
         self.line.extend_from_slice(b"  ");
         let length = self.identifier(frame.id);
-        push_start(&mut self.line, &[b' '; ID], ID.saturating_sub(length));
+        push_blanks(&mut self.line, ID, length);
         self.direction(frame);
         let is_remote = frame.flags.contains(FrameFlags::REMOTE);
         self.line.extend_from_slice(if is_remote { b" r " } else { b" d " });
         let dlc = if frame.raw_dlc > 8 { frame.raw_dlc } else { frame.length };
-        push_short_hex(&mut self.line, dlc.into());
+        push_code(&mut self.line, dlc.into(), 1);
         push_spaced_data(&mut self.line, frame);
         self.line.push(b'\n');
     }
 
     fn fd(&mut self, frame: &Frame, channel: u64) {
         self.line.extend_from_slice(b"CANFD ");
-        push_decimal(&mut self.line, channel, 3);
+        push_padded(&mut self.line, channel, 3);
         self.direction(frame);
         let digits = (u32::BITS - frame.id.number().leading_zeros()).div_ceil(4).max(1) as usize;
         let length = digits + usize::from(matches!(frame.id, CanId::Extended(_)));
-        push_start(&mut self.line, FD_NAME, FD_ID.saturating_sub(length).saturating_add(1));
+        push_part(&mut self.line, *FD_NAME, FD_ID.saturating_sub(length).saturating_add(1));
         self.identifier(frame.id);
         self.line.extend_from_slice(FD_NAME);
         let is = |flag| u8::from(frame.flags.contains(flag)) + b'0';
         let (switched, passive) = (is(FrameFlags::BIT_RATE_SWITCH), is(FrameFlags::ERROR_STATE));
         self.line.extend_from_slice(&[switched, b' ', passive, b' ']);
-        push_short_hex(&mut self.line, dlc(frame.length).into());
-        push_decimal(&mut self.line, frame.length.into(), 3);
+        push_code(&mut self.line, dlc(frame.length).into(), 1);
+        push_padded(&mut self.line, frame.length.into(), 3);
         push_spaced_data(&mut self.line, frame);
         self.line.extend_from_slice(UNKNOWN);
         let flags = FLAGS.iter().filter(|(flag, _)| frame.flags.contains(*flag));
         self.line.extend_from_slice(b"     ");
-        push_short_hex(&mut self.line, flags.fold(0, |all, (_, bit)| all | bit));
+        push_code(&mut self.line, flags.fold(0, |all, (_, bit)| all | bit), 1);
         self.line.extend_from_slice(UNKNOWN_END);
     }
 
     fn error(&mut self, frame: &Frame, channel: u64) {
-        push_decimal(&mut self.line, channel, 0);
+        push_decimal(&mut self.line, channel);
         self.line.extend_from_slice(b"  ");
         error::push(&mut self.line, broken(frame));
         self.line.push(b'\n');

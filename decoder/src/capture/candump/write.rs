@@ -3,8 +3,9 @@
 use std::io::{self, Write};
 
 use super::super::Notice;
-use super::super::print::{Kept, push_data, push_digits, push_hex};
+use super::super::print::{Kept, push_data};
 use super::super::writer::FrameWriter;
+use crate::ascii::{push_code, push_digits, push_nine};
 use crate::frame::{CanId, Frame, FrameFlags, Timestamp};
 
 /// Bit of an identifier that says "error frame" (SocketCAN's CAN_ERR_FLAG).
@@ -37,9 +38,9 @@ impl<W: Write> CandumpWriter<W> {
         });
         self.line.extend_from_slice(begin);
         if fraction.is_multiple_of(1_000) {
-            push_digits::<6>(&mut self.line, fraction / 1_000);
+            push_digits(&mut self.line, fraction / 1_000, 6);
         } else {
-            push_digits::<9>(&mut self.line, fraction);
+            push_nine(&mut self.line, fraction);
         }
         self.line.extend_from_slice(b") ");
     }
@@ -48,7 +49,7 @@ impl<W: Write> CandumpWriter<W> {
         let is_error = frame.flags.contains(FrameFlags::ERROR);
         let flag = if is_error { ERROR_FLAG } else { 0 };
         let is_long = is_error || matches!(frame.id, CanId::Extended(_));
-        push_hex(&mut self.line, frame.id.number() | flag, is_long);
+        push_code(&mut self.line, frame.id.number() | flag, if is_long { 8 } else { 3 });
     }
 
     fn payload(&mut self, frame: &Frame) {

@@ -13,7 +13,8 @@
 
 use std::io::{self, Write};
 
-use crate::capture::print::{Kept, push_data, push_decimal, push_digits, push_escaped, push_hex};
+use crate::ascii::{push_code, push_decimal, push_nine};
+use crate::capture::print::{Kept, push_data, push_escaped};
 use crate::capture::{FrameWriter, Holds, Notice, WritableFormat};
 use crate::frame::{CanId, Frame, FrameFlags, Timestamp, fd_length};
 
@@ -80,17 +81,17 @@ impl<W: Write> CsvWriter<W> {
         }
         let (second, fraction) = (time.unsigned_abs() / SECOND, time.unsigned_abs() % SECOND);
         let begin = self.seconds.text(&second, |text, second| {
-            push_decimal(text, *second, 0);
+            push_decimal(text, *second);
             text.push(b'.');
         });
         self.line.extend_from_slice(begin);
-        push_digits::<9>(&mut self.line, fraction);
+        push_nine(&mut self.line, fraction);
     }
 
     /// From the identifier to the direction, with the comma behind it.
     fn kind(&mut self, frame: &Frame) {
         let is_extended = matches!(frame.id, CanId::Extended(_));
-        push_hex(&mut self.line, frame.id.number(), is_extended);
+        push_code(&mut self.line, frame.id.number(), if is_extended { 8 } else { 3 });
         let bit = |flag| u8::from(frame.flags.contains(flag)) + b'0';
         let extended = u8::from(is_extended) + b'0';
         self.line.extend_from_slice(&[
@@ -124,9 +125,9 @@ impl<W: Write> CsvWriter<W> {
             _ if frame.raw_dlc > 8 => frame.raw_dlc,
             length => length,
         };
-        push_decimal(&mut self.line, dlc.into(), 0);
+        push_decimal(&mut self.line, dlc.into());
         self.line.push(b',');
-        push_decimal(&mut self.line, frame.length.into(), 0);
+        push_decimal(&mut self.line, frame.length.into());
         self.line.push(b',');
         push_data(&mut self.line, frame);
         self.line.push(b',');

@@ -10,8 +10,9 @@
 use std::io::{self, Write};
 
 use super::COMMENT;
+use crate::ascii::push_part;
 use crate::capture::Notice;
-use crate::capture::print::{cut, push_start};
+use crate::capture::print::cut;
 use crate::capture::remark::Remark;
 use crate::capture::writer::FrameWriter;
 use crate::frame::{CanId, Frame, FrameFlags, Timestamp};
@@ -164,10 +165,10 @@ impl<W: Write> PcapngWriter<W> {
         }
         self.block.extend_from_slice(&start_of_packet(frame));
         match frame.bytes.first_chunk::<CLASSIC>() {
-            Some(bytes) if data <= CLASSIC => push_start(&mut self.block, bytes, data),
+            Some(bytes) if data <= CLASSIC => push_part(&mut self.block, *bytes, data),
             _ => self.block.extend_from_slice(frame.data()),
         }
-        push_start(&mut self.block, &[0; 3], data.next_multiple_of(4) - data);
+        push_part(&mut self.block, [0; 3], data.next_multiple_of(4) - data);
         if let Some(comment) = comment {
             option(&mut self.block, COMMENT, cut(comment, LONGEST_OPTION).as_bytes());
         }
@@ -198,7 +199,7 @@ fn option(body: &mut Vec<u8>, code: u16, value: &[u8]) {
     body.extend_from_slice(&code.to_le_bytes());
     body.extend_from_slice(&u16::try_from(value.len()).unwrap_or(u16::MAX).to_le_bytes());
     body.extend_from_slice(value);
-    push_start(body, &[0; 3], value.len().next_multiple_of(4) - value.len());
+    push_part(body, [0; 3], value.len().next_multiple_of(4) - value.len());
 }
 
 /// What stands before the data in SocketCAN's layout.

@@ -11,24 +11,24 @@
 
 use std::io::{self, Write};
 
+use crate::ascii::{push_blanks, push_code, push_decimal, push_digits, push_padded};
 use crate::capture::Notice;
 use crate::capture::bus_error::{Broken, ControllerState, Counters, Violation};
 use crate::capture::calendar::date;
 use crate::capture::columns::{DAY, DAYS_BEFORE_1970};
 use crate::capture::elapsed::Elapsed;
 use crate::capture::holds::Report;
-use crate::capture::print::{
-    Numbering, push_decimal, push_digits, push_hex, push_lines, push_spaced_data, push_start,
-};
+use crate::capture::print::{Numbering, push_lines, push_spaced_data};
 use crate::capture::writer::FrameWriter;
 use crate::frame::{CanId, Frame, FrameFlags, fd_length};
 
 /// Nanoseconds of the last digit of a time.
 pub(super) const MICROSECOND: i64 = 1_000;
 
-/// Digits of a day that tell nanoseconds apart, and their unit.
-const DAY_DIGITS: usize = 14;
+/// Parts of a day that tell nanoseconds apart, the last eight digits of them, and how many digits stand before.
 const DAY_PARTS: i128 = 100_000_000_000_000;
+const DAY_PART: i128 = 100_000_000;
+const DAY_DIGITS: usize = 6;
 
 /// The heading behind the start, as PEAK's programs write it.
 const HEADING: &[&str] = &[
@@ -89,11 +89,12 @@ impl<W: Write> TrcWriter<W> {
         line.extend_from_slice(b";$FILEVERSION=2.1\r\n;$STARTTIME=");
         let nanoseconds = i128::from(start) + DAYS_BEFORE_1970 * DAY;
         let whole = |number: i128| u64::try_from(number).unwrap_or(0);
-        push_decimal(line, whole(nanoseconds / DAY), 0);
+        push_decimal(line, whole(nanoseconds / DAY));
         line.push(b'.');
         // Readers cut the nanoseconds they make of it, so the last digit is the one above.
         let parts = (nanoseconds % DAY * DAY_PARTS + DAY - 1) / DAY;
-        push_digits::<DAY_DIGITS>(line, whole(parts));
+        push_digits(line, whole(parts / DAY_PART), DAY_DIGITS);
+        push_digits(line, whole(parts % DAY_PART), 8);
         line.extend_from_slice(b"\r\n;$COLUMNS=N,O,T,B,I,d,R,L,D\r\n;\r\n");
         let date = date(start).strftime(";   Start time: %d.%m.%Y %H:%M:%S");
         let fraction = start.rem_euclid(1_000_000_000) / MICROSECOND;
@@ -120,12 +121,12 @@ impl<W: Write> TrcWriter<W> {
             self.comment("; ", comment);
         }
         self.lines = self.lines.saturating_add(1);
-        push_decimal(&mut self.line, self.lines, 7);
+        push_padded(&mut self.line, self.lines, 7);
         let time = self.elapsed.nanoseconds(frame.time) / MICROSECOND.unsigned_abs();
         self.line.push(b' ');
-        push_decimal(&mut self.line, time / 1_000, 9);
+        push_padded(&mut self.line, time / 1_000, 9);
         self.line.push(b'.');
-        push_digits::<3>(&mut self.line, time % 1_000);
+        push_digits(&mut self.line, time % 1_000, 3);
         let number = u64::try_from(number).unwrap_or(u64::MAX);
         if frame.flags.contains(FrameFlags::ERROR) {
             self.report(Report::of(frame), number);
@@ -142,7 +143,7 @@ impl<W: Write> TrcWriter<W> {
 
     /// Number of the bus, up to the column of the identifier.
     fn bus(&mut self, number: u64) {
-        push_decimal(&mut self.line, number, 0);
+        push_decimal(&mut self.line, number);
         self.line.extend_from_slice(if number < 10 { b"  " } else { b" " });
     }
 
@@ -154,9 +155,9 @@ impl<W: Write> TrcWriter<W> {
         match frame.id {
             CanId::Standard(id) => {
                 self.line.extend_from_slice(b"    0");
-                push_hex(&mut self.line, id.into(), false);
+                push_code(&mut self.line, id.into(), 3);
             }
-            CanId::Extended(id) => push_hex(&mut self.line, id, true),
+            CanId::Extended(id) => push_code(&mut self.line, id, 8),
         }
         let sent = frame.flags.contains(FrameFlags::TRANSMITTED);
         self.line.extend_from_slice(if sent { b" Tx -  " } else { b" Rx -  " });
@@ -176,8 +177,8 @@ impl<W: Write> TrcWriter<W> {
 
     /// The DLC in a column of four.
     fn length(&mut self, dlc: u8) {
-        push_decimal(&mut self.line, dlc.into(), 0);
-        push_start(&mut self.line, &[b' '; 3], if dlc > 9 { 2 } else { 3 });
+        push_decimal(&mut self.line, dlc.into());
+        push_blanks(&mut self.line, 4, if dlc > 9 { 2 } else { 1 });
     }
 
     /// A report of the bus: its data are the end of the line.

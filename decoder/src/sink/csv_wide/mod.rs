@@ -14,9 +14,9 @@ use std::io::{self, Read, Seek, Write};
 
 use foldhash::fast::FixedState;
 
-use super::ascii::{push_decimal, push_seconds};
 use super::csv::{push_cell, push_value};
 use super::values::{self, Carried, Groups};
+use crate::ascii::{push_decimal, push_seconds};
 use crate::event::Event;
 use crate::frame::Timestamp;
 use crate::session::Bus;

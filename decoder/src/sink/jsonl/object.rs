@@ -2,8 +2,8 @@
 
 use std::io::Write as _;
 
+use crate::ascii::{push_code, push_decimal, push_hex, push_integer, push_seconds};
 use crate::query::record::{FieldValue, Fields};
-use crate::sink::ascii::{push_code, push_decimal, push_hex, push_integer, push_seconds};
 
 /// Where the parts of a line begin that differ from event to event of the same kind.
 #[derive(Debug, Clone, Copy, Default)]

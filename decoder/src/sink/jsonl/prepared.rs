@@ -12,14 +12,12 @@ use super::object::{Marks, Object};
 use super::signals::Signals;
 use std::sync::Arc;
 
+use crate::ascii::{push_decimal, push_hex, push_hex_word, push_nine, push_part, push_seconds, push_twice};
 use crate::event::{Event, EventKind, FrameRange, Pdo, Protocol};
 use crate::frame::{CanId, Timestamp};
 use crate::profile::{Layout, PdoName};
 use crate::query::record::signals;
 use crate::session::Bus;
-use crate::sink::ascii::{
-    push_decimal, push_hex, push_hex_word, push_nine, push_part, push_seconds, push_twice,
-};
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 

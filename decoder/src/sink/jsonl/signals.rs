@@ -11,9 +11,9 @@
 use std::sync::Arc;
 
 use super::object::Object;
+use crate::ascii::{push_decimal, push_fixed, push_integer};
 use crate::profile::{Cut, Field, Layout, Meaning, integer};
 use crate::query::record::{UNROUNDED, digits, signal};
-use crate::sink::ascii::{push_decimal, push_fixed, push_integer};
 
 /// Digits behind the point that are written here.
 const MOST_DIGITS: u8 = 8;

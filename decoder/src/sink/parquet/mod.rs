@@ -185,7 +185,7 @@ fn cells<'a>(value: FieldValue<'a>, hex: &'a mut String) -> (Cell<'a>, Cell<'a>)
         FieldValue::Text(text) => return (Cell::Null, Cell::Text(text)),
         FieldValue::Bytes(bytes) => {
             let mut digits = Vec::new();
-            super::ascii::push_hex(&mut digits, bytes);
+            crate::ascii::push_hex(&mut digits, bytes);
             *hex = String::from_utf8_lossy(&digits).into_owned();
             return (Cell::Null, Cell::Text(hex));
         }

@@ -4,9 +4,9 @@ use std::io::Write as _;
 
 use super::Tone;
 use super::line::push_bytes;
+use crate::ascii::{push_code, push_decimal};
 use crate::event::{BootCause, EmcyAction, Emergency};
 use crate::profile::{self, Device};
-use crate::sink::ascii::{push_code, push_decimal};
 
 /// Appends what happened; gives the kind of line and its tone.
 pub(super) fn push_words(emergency: &Emergency, device: &Device, out: &mut Vec<u8>) -> (&'static str, Tone) {

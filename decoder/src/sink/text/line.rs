@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::{Tone, bus, device, emcy, finding, j1939, pdo, sdo, uds};
+use crate::ascii::{push_code, push_decimal, push_spaced_hex};
 use crate::event::{
     BootCause, Certainty, Event, EventKind, FrameRange, ObjectChange, PowerSign, Silence, StateCause,
     StateChange,
@@ -10,7 +11,6 @@ use crate::event::{
 use crate::profile;
 use crate::query::record::device as device_of;
 use crate::session::Bus;
-use crate::sink::ascii::{push_code, push_decimal, push_spaced_hex};
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 use crate::wire::canopen::lss::Content;
@@ -308,7 +308,10 @@ pub(super) fn bytes(data: &[u8]) -> String {
 /// Appends the first bytes of data.
 pub(super) fn push_bytes(out: &mut Vec<u8>, data: &[u8]) {
     let shown = data.get(..SHOWN_BYTES).unwrap_or(data);
-    push_spaced_hex(out, shown);
+    if let Some((first, rest)) = shown.split_first() {
+        push_code(out, u32::from(*first), 2);
+        push_spaced_hex(out, rest);
+    }
     if shown.len() < data.len() {
         out.extend_from_slice(" …".as_bytes());
     }

@@ -26,10 +26,10 @@ pub use line::Line;
 pub use news::News;
 pub use time::TimeColumn;
 
+use crate::ascii::push_blanks;
 use crate::event::{Event, EventKind};
 use crate::frame::Timestamp;
 use crate::session::Bus;
-use crate::sink::ascii::push_blanks;
 
 /// Which PDOs and J1939 messages are printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -4,10 +4,10 @@
 use std::io::Write as _;
 
 use super::line::push_bytes;
+use crate::ascii::{push_code, push_decimal, push_integer};
 use crate::event::{Event, Pdo};
 use crate::profile::device::Mapping;
 use crate::profile::{Device, Field, Layout, Meaning, PdoDirection, Signal, Value};
-use crate::sink::ascii::{push_code, push_decimal, push_integer};
 use crate::words::plural;
 
 /// Appends `TPDO1 37 06: 6041:00=1591`, `TPDO1 08 A0 1F 00 20: status 08h pressure control, p 157.5 bar of 315`.

@@ -2,8 +2,8 @@
 
 use jiff::tz::TimeZone;
 
+use crate::ascii::{push_blanks, push_decimal, push_digits};
 use crate::frame::Timestamp;
-use crate::sink::ascii::{push_blanks, push_decimal, push_digits};
 
 /// What the time column shows, as candump's `-t`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -24,7 +24,7 @@ const fn decimal_digits(value: u64) -> u64 {
 
 /// Appends the first `kept` of `bytes`.
 #[inline]
-pub(super) fn push_part<const N: usize>(out: &mut Vec<u8>, bytes: [u8; N], kept: usize) {
+pub(crate) fn push_part<const N: usize>(out: &mut Vec<u8>, bytes: [u8; N], kept: usize) {
     let end = out.len() + kept;
     out.extend_from_slice(&bytes);
     out.truncate(end);
@@ -35,7 +35,7 @@ const PART: u64 = 100_000_000;
 
 /// Appends a number.
 #[inline]
-pub(super) fn push_decimal(out: &mut Vec<u8>, value: u64) {
+pub(crate) fn push_decimal(out: &mut Vec<u8>, value: u64) {
     if value < PART {
         push_short(out, value);
     } else {
@@ -43,9 +43,24 @@ pub(super) fn push_decimal(out: &mut Vec<u8>, value: u64) {
     }
 }
 
+/// Appends a number, with blanks before it up to `width`, which is at most 32.
+#[inline]
+pub(crate) fn push_padded(out: &mut Vec<u8>, value: u64, width: usize) {
+    if value >= PART || width < 8 {
+        let digits = if value < PART { short(value).1 } else { value.ilog10() as usize + 1 };
+        push_blanks(out, width, digits);
+        return push_decimal(out, value);
+    }
+    push_blanks(out, width, 8);
+    let digits = decimal_digits(value);
+    let leading = (digits.trailing_zeros() / 8).min(7);
+    let kept = u64::MAX << (leading * 8);
+    out.extend_from_slice(&((digits | each(b'0')) & kept | each(b' ') & !kept).to_le_bytes());
+}
+
 /// Appends a number, a comma and the number again.
 #[inline]
-pub(super) fn push_twice(out: &mut Vec<u8>, value: u64) {
+pub(crate) fn push_twice(out: &mut Vec<u8>, value: u64) {
     if value < PART {
         let (text, length) = short(value);
         push_part(out, text, length);
@@ -86,7 +101,7 @@ fn push_long(out: &mut Vec<u8>, value: u64) {
 
 /// Appends a number with its sign.
 #[inline]
-pub(super) fn push_integer(out: &mut Vec<u8>, value: i64) {
+pub(crate) fn push_integer(out: &mut Vec<u8>, value: i64) {
     if value < 0 {
         out.push(b'-');
     }
@@ -95,7 +110,7 @@ pub(super) fn push_integer(out: &mut Vec<u8>, value: i64) {
 
 /// Appends a number of which so many digits, at most eight, stand behind the point; without zeros at its end.
 #[inline]
-pub(super) fn push_fixed(out: &mut Vec<u8>, value: i64, digits: u8) {
+pub(crate) fn push_fixed(out: &mut Vec<u8>, value: i64, digits: u8) {
     let unit = POWERS.get(usize::from(digits)).copied().unwrap_or(PART);
     if value < 0 {
         out.push(b'-');
@@ -117,14 +132,14 @@ const POWERS: [u64; 9] = [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_
 
 /// Appends a number below 10^9 with nine digits.
 #[inline]
-pub(super) fn push_nine(out: &mut Vec<u8>, value: u64) {
+pub(crate) fn push_nine(out: &mut Vec<u8>, value: u64) {
     out.extend_from_slice(&(decimal_digits(value / 10 % PART) | each(b'0')).to_le_bytes());
     out.push(b'0' | (value % 10).to_le_bytes()[0]);
 }
 
 /// Appends the last `digits` of a number below 100,000,000, at most eight.
 #[inline]
-pub(super) fn push_digits(out: &mut Vec<u8>, value: u64, digits: usize) {
+pub(crate) fn push_digits(out: &mut Vec<u8>, value: u64, digits: usize) {
     let digits = digits.clamp(1, 8);
     let text = (decimal_digits(value % PART) | each(b'0')) >> ((8 - digits) * 8);
     push_part(out, text.to_le_bytes(), digits);
@@ -132,7 +147,7 @@ pub(super) fn push_digits(out: &mut Vec<u8>, value: u64, digits: usize) {
 
 /// Appends nanoseconds as seconds, with nine digits.
 #[inline]
-pub(super) fn push_seconds(out: &mut Vec<u8>, nanoseconds: i64) {
+pub(crate) fn push_seconds(out: &mut Vec<u8>, nanoseconds: i64) {
     if nanoseconds < 0 {
         out.push(b'-');
     }
@@ -156,12 +171,12 @@ fn hex_pairs(bytes: [u8; 8]) -> [u8; 16] {
 
 /// Appends up to eight bytes as hex pairs; `kept` of them count.
 #[inline]
-pub(super) fn push_hex_word(out: &mut Vec<u8>, bytes: [u8; 8], kept: usize) {
+pub(crate) fn push_hex_word(out: &mut Vec<u8>, bytes: [u8; 8], kept: usize) {
     push_part(out, hex_pairs(bytes), kept * 2);
 }
 
 /// Appends bytes as hex pairs.
-pub(super) fn push_hex(out: &mut Vec<u8>, bytes: &[u8]) {
+pub(crate) fn push_hex(out: &mut Vec<u8>, bytes: &[u8]) {
     let (words, rest) = bytes.as_chunks::<8>();
     for word in words {
         push_hex_word(out, *word, 8);
@@ -171,34 +186,35 @@ pub(super) fn push_hex(out: &mut Vec<u8>, bytes: &[u8]) {
     }
 }
 
-/// Appends bytes as hex pairs with blanks between them.
+/// Appends up to eight bytes as hex pairs with a blank before each; `kept` of them count.
 #[inline]
-pub(super) fn push_spaced_hex(out: &mut Vec<u8>, bytes: &[u8]) {
-    for chunk in bytes.chunks(8) {
-        let mut text = [b' '; 24];
-        let digits = hex_pairs(padded(chunk));
-        let pairs = digits.as_chunks::<2>().0;
-        for (target, pair) in text.as_chunks_mut::<3>().0.iter_mut().zip(pairs) {
-            let [high, low, _] = target;
-            [*high, *low] = *pair;
-        }
-        push_part(out, text, chunk.len() * 3);
+pub(crate) fn push_spaced_word(out: &mut Vec<u8>, bytes: [u8; 8], kept: usize) {
+    let mut text = [b' '; 24];
+    let digits = hex_pairs(bytes);
+    for ([_, high, low], pair) in text.as_chunks_mut().0.iter_mut().zip(digits.as_chunks().0) {
+        [*high, *low] = *pair;
     }
-    if !bytes.is_empty() {
-        out.truncate(out.len().saturating_sub(1));
+    push_part(out, text, kept * 3);
+}
+
+/// Appends bytes as hex pairs with a blank before each.
+#[inline]
+pub(crate) fn push_spaced_hex(out: &mut Vec<u8>, bytes: &[u8]) {
+    for chunk in bytes.chunks(8) {
+        push_spaced_word(out, padded(chunk), chunk.len());
     }
 }
 
 /// Appends `width` blanks less what is there already.
 #[inline]
-pub(super) fn push_blanks(out: &mut Vec<u8>, width: usize, there: usize) {
+pub(crate) fn push_blanks(out: &mut Vec<u8>, width: usize, there: usize) {
     const MOST: usize = 32;
     push_part(out, [b' '; MOST], width.saturating_sub(there).min(MOST));
 }
 
 /// Appends the low `digits` hex digits of a number, at most eight; more if it has more.
 #[inline]
-pub(super) fn push_code(out: &mut Vec<u8>, value: u32, digits: usize) {
+pub(crate) fn push_code(out: &mut Vec<u8>, value: u32, digits: usize) {
     let needed = (8 - value.leading_zeros() as usize / 4).max(digits.clamp(1, 8));
     // The digits wanted first: what is above them has none.
     let aligned = u64::from(value) << (64 - 4 * needed);
@@ -208,7 +224,7 @@ pub(super) fn push_code(out: &mut Vec<u8>, value: u32, digits: usize) {
 
 /// Up to eight bytes, zeros behind them.
 #[inline]
-pub(super) fn padded(bytes: &[u8]) -> [u8; 8] {
+pub(crate) fn padded(bytes: &[u8]) -> [u8; 8] {
     let mut word = [0; 8];
     for (target, byte) in word.iter_mut().zip(bytes) {
         *target = *byte;
@@ -252,7 +268,11 @@ mod tests {
             prop_assert_eq!(text(|out| push_code(out, code, digits)), format!("{code:0digits$X}"));
             let hex: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
             prop_assert_eq!(text(|out| push_hex(out, &bytes)), hex.concat());
-            prop_assert_eq!(text(|out| push_spaced_hex(out, &bytes)), hex.join(" "));
+            let spaced = hex.iter().fold(String::new(), |all, pair| all + " " + pair);
+            prop_assert_eq!(text(|out| push_spaced_hex(out, &bytes)), spaced);
+            let width = digits * 3;
+            prop_assert_eq!(text(|out| push_padded(out, value, width)), format!("{value:width$}"));
+            prop_assert_eq!(text(|out| push_twice(out, value)), format!("{value},{value}"));
             let digits_behind = u8::try_from(digits).unwrap();
             let quantity = signed % 1_000_000_000_000_000;
             #[expect(clippy::cast_precision_loss, reason = "below 10^15")]
