@@ -36,7 +36,9 @@ const PART: u64 = 100_000_000;
 /// Appends a number.
 #[inline]
 pub(crate) fn push_decimal(out: &mut Vec<u8>, value: u64) {
-    if value < PART {
+    if value < 10 {
+        out.push(b'0' | value.to_le_bytes()[0]);
+    } else if value < PART {
         push_short(out, value);
     } else {
         push_long(out, value);
@@ -46,16 +48,17 @@ pub(crate) fn push_decimal(out: &mut Vec<u8>, value: u64) {
 /// Appends a number, with blanks before it up to `width`, which is at most 32.
 #[inline]
 pub(crate) fn push_padded(out: &mut Vec<u8>, value: u64, width: usize) {
-    if value >= PART || width < 8 {
-        let digits = if value < PART { short(value).1 } else { value.ilog10() as usize + 1 };
-        push_blanks(out, width, digits);
-        return push_decimal(out, value);
+    if value >= PART {
+        push_blanks(out, width, value.ilog10() as usize + 1);
+        return push_long(out, value);
     }
-    push_blanks(out, width, 8);
     let digits = decimal_digits(value);
     let leading = (digits.trailing_zeros() / 8).min(7);
     let kept = u64::MAX << (leading * 8);
-    out.extend_from_slice(&((digits | each(b'0')) & kept | each(b' ') & !kept).to_le_bytes());
+    let text = (digits | each(b'0')) & kept | each(b' ') & !kept;
+    push_blanks(out, width, 8);
+    let length = width.clamp(8 - leading as usize, 8);
+    push_part(out, (text >> ((8 - length) * 8)).to_le_bytes(), length);
 }
 
 /// Appends a number, a comma and the number again.
