@@ -189,6 +189,19 @@ impl Frame {
         self.length = u8::try_from(length).unwrap_or(0);
     }
 
+    /// The DLC (ISO 11898-1 table 5): the one sent where it is known to say more than the length, else the least that
+    /// holds the payload.
+    #[inline]
+    pub fn dlc(&self) -> u8 {
+        match self.length {
+            length if self.flags.contains(FrameFlags::FD) => {
+                (0..15).find(|dlc| fd_length(*dlc) >= length).unwrap_or(15)
+            }
+            _ if self.raw_dlc > 8 => self.raw_dlc,
+            length => length,
+        }
+    }
+
     /// The payload; empty for remote frames.
     #[inline]
     pub fn data(&self) -> &[u8] {
@@ -268,6 +281,14 @@ mod tests {
     fn negative_times_keep_their_sign() {
         assert_eq!(Timestamp(-1_500_000_000).to_string(), "-1.500000000");
         assert_eq!(Timestamp(1_700_000_000_000_000_001).to_string(), "1700000000.000000001");
+    }
+
+    #[test]
+    fn a_dlc_is_the_one_sent_or_the_least_that_holds_the_payload() {
+        let frame = Frame::data_frame(CanId::standard(1), &[0; 8]);
+        assert_eq!((frame.dlc(), Frame { raw_dlc: 13, ..frame }.dlc()), (8, 13));
+        let of = |length| Frame { length, flags: FrameFlags::FD, ..Frame::EMPTY }.dlc();
+        assert_eq!([0, 8, 9, 12, 13, 48, 49, 64].map(of), [0, 8, 9, 9, 10, 14, 15, 15]);
     }
 
     #[test]

@@ -19,7 +19,8 @@
 use super::super::columns::{self, Words};
 use super::super::text::excerpt;
 use super::{Begun, hexadecimal};
-use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, Timestamp, fd_length};
+use crate::capture::payload::is_fd_length;
+use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, Timestamp};
 
 /// Longest element that is read, in bytes between its brackets; an FD frame with blanks has 240.
 pub const LONGEST_ELEMENT: usize = 512;
@@ -195,7 +196,7 @@ fn fd(mut words: Words<'_>) -> Result<Frame, &'static str> {
     }
     frame.time = Some(time(words.next()).ok_or(TIME)?);
     take_data(&mut frame, words, MAX_DATA)?;
-    if (0..=15).all(|dlc| fd_length(dlc) != frame.length) {
+    if !is_fd_length(frame.length) {
         return Err("data: expected 0 to 8, 12, 16, 20, 24, 32, 48 or 64 bytes");
     }
     Ok(frame)

@@ -26,7 +26,7 @@ use crate::capture::calendar::date;
 use crate::capture::elapsed::Elapsed;
 use crate::capture::print::{Kept, Numbering, push_lines, push_spaced_data};
 use crate::capture::writer::FrameWriter;
-use crate::frame::{CanId, Frame, FrameFlags, fd_length};
+use crate::frame::{CanId, Frame, FrameFlags};
 
 /// Dates of the header have milliseconds.
 const MILLISECOND: i64 = 1_000_000;
@@ -145,8 +145,7 @@ impl<W: Write> AscWriter<W> {
         self.direction(frame);
         let is_remote = frame.flags.contains(FrameFlags::REMOTE);
         self.line.extend_from_slice(if is_remote { b" r " } else { b" d " });
-        let dlc = if frame.raw_dlc > 8 { frame.raw_dlc } else { frame.length };
-        push_code(&mut self.line, dlc.into(), 1);
+        push_code(&mut self.line, frame.dlc().into(), 1);
         push_spaced_data(&mut self.line, frame);
         self.line.push(b'\n');
     }
@@ -163,7 +162,7 @@ impl<W: Write> AscWriter<W> {
         let is = |flag| u8::from(frame.flags.contains(flag)) + b'0';
         let (switched, passive) = (is(FrameFlags::BIT_RATE_SWITCH), is(FrameFlags::ERROR_STATE));
         self.line.extend_from_slice(&[switched, b' ', passive, b' ']);
-        push_code(&mut self.line, dlc(frame.length).into(), 1);
+        push_code(&mut self.line, frame.dlc().into(), 1);
         push_padded(&mut self.line, frame.length.into(), 3);
         push_spaced_data(&mut self.line, frame);
         self.line.extend_from_slice(UNKNOWN);
@@ -179,11 +178,6 @@ impl<W: Write> AscWriter<W> {
         error::push(&mut self.line, broken(frame));
         self.line.push(b'\n');
     }
-}
-
-/// The DLC of an FD frame: the first with room for so many bytes.
-fn dlc(length: u8) -> u8 {
-    (0..15).find(|dlc| fd_length(*dlc) >= length).unwrap_or(15)
 }
 
 impl<W: Write + Send> FrameWriter for AscWriter<W> {

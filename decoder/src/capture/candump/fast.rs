@@ -159,6 +159,10 @@ fn identifier(input: &[u8; WINDOW], start: usize) -> Option<(CanId, usize)> {
 /// Always looks at sixteen: a branch on the length would be mispredicted too often.
 #[inline]
 fn hex_run(input: &[u8; WINDOW], start: usize) -> Option<(u64, u32)> {
+    // Of two digits in a word the first is the low byte below; on other machines all lines go the general way.
+    if cfg!(target_endian = "big") {
+        return None;
+    }
     let text = u8x16::new(*input.get(start..)?.first_chunk()?);
     let digit = text ^ u8x16::splat(b'0');
     let letter = (text | u8x16::splat(0x20)) - u8x16::splat(b'a');

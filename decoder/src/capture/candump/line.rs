@@ -15,7 +15,8 @@ use nom::sequence::{delimited, terminated};
 use nom::{IResult, Parser};
 
 use super::stamp::{decimal, leading_stamp};
-use crate::frame::{CanId, FrameFlags, MAX_DATA, fd_length};
+use crate::capture::payload::is_fd_length;
+use crate::frame::{CanId, FrameFlags, MAX_DATA};
 
 /// SocketCAN's mark of an error frame within a 32-bit identifier.
 const ERROR_FLAG: u32 = 0x2000_0000;
@@ -221,7 +222,7 @@ fn fd_payload<'a>(rest: &[u8], mut body: FrameLine<'a>) -> Result<FrameLine<'a>,
         body.flags = body.flags.with(FrameFlags::ERROR_STATE);
     }
     hex_data(rest, MAX_DATA, &mut body)?;
-    if (0..=15).all(|dlc| fd_length(dlc) != body.length) {
+    if !is_fd_length(body.length) {
         return Err(LineError::Broken("FD frame: expected 0 to 8, 12, 16, 20, 24, 32, 48 or 64 bytes"));
     }
     Ok(body)

@@ -16,7 +16,7 @@ use std::io::{self, Write};
 use crate::ascii::{push_code, push_decimal, push_nine};
 use crate::capture::print::{Kept, push_data, push_escaped};
 use crate::capture::{FrameWriter, Holds, Notice, WritableFormat};
-use crate::frame::{CanId, Frame, FrameFlags, Timestamp, fd_length};
+use crate::frame::{CanId, Frame, FrameFlags, Timestamp};
 
 /// The line of names.
 const NAMES: &[u8] = b"time,bus,id,extended,remote,error,fd,brs,esi,direction,dlc,length,data,comment\n";
@@ -118,14 +118,7 @@ impl<W: Write> CsvWriter<W> {
 
     /// DLC, length and data, with the comma behind them.
     fn payload(&mut self, frame: &Frame) {
-        let dlc = match frame.length {
-            length if frame.flags.contains(FrameFlags::FD) => {
-                (0..15).find(|dlc| fd_length(*dlc) >= length).unwrap_or(15)
-            }
-            _ if frame.raw_dlc > 8 => frame.raw_dlc,
-            length => length,
-        };
-        push_decimal(&mut self.line, dlc.into());
+        push_decimal(&mut self.line, frame.dlc().into());
         self.line.push(b',');
         push_decimal(&mut self.line, frame.length.into());
         self.line.push(b',');

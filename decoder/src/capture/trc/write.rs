@@ -161,15 +161,11 @@ impl<W: Write> TrcWriter<W> {
         }
         let sent = frame.flags.contains(FrameFlags::TRANSMITTED);
         self.line.extend_from_slice(if sent { b" Tx -  " } else { b" Rx -  " });
-        let is_fd = frame.flags.contains(FrameFlags::FD);
-        let dlc = match frame.length {
-            length if is_fd => (0..15).find(|dlc| fd_length(*dlc) >= length).unwrap_or(15),
-            _ if frame.raw_dlc > 8 => frame.raw_dlc,
-            length => length,
-        };
+        let dlc = frame.dlc();
         self.length(dlc);
         push_spaced_data(&mut self.line, frame);
         // No frame has another length than its DLC says; one that was made up is filled.
+        let is_fd = frame.flags.contains(FrameFlags::FD);
         for _ in frame.length..if is_fd { fd_length(dlc) } else { 0 } {
             self.line.extend_from_slice(b" 00");
         }
