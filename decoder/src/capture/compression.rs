@@ -1,6 +1,6 @@
 //! Compressed captures, recognised by their first bytes.
 
-use std::io::{BufRead, ErrorKind, Read, Result};
+use std::io::{BufRead, Read, Result};
 
 /// First bytes of gzip (RFC 1952).
 const GZIP: &[u8] = &[0x1F, 0x8B];
@@ -42,9 +42,9 @@ struct Whole<D> {
 impl<D: Read> Read for Whole<D> {
     fn read(&mut self, room: &mut [u8]) -> Result<usize> {
         self.decoder.read(room).map_err(|error| match error.kind() {
-            ErrorKind::UnexpectedEof => {
+            std::io::ErrorKind::UnexpectedEof => {
                 let place = format!("incomplete {} at byte {}", self.what, (self.taken)(&self.decoder));
-                std::io::Error::new(ErrorKind::UnexpectedEof, place)
+                std::io::Error::new(error.kind(), place)
             }
             _ => error,
         })
