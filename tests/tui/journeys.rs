@@ -51,8 +51,8 @@ fn play(journey: &Journey) {
     };
     press(1, "]", &[&format!("#{}/{}", journey.first, journey.frames), journey.fault]);
     press(1, "\r", &["What it checks", journey.rule]);
-    press(1, "\x1b", &["Kind"]);
-    press(7, ":-0.05\r", &[journey.before]);
+    // At once, as over a slow line: no terminal tells Esc and a key from the key with Alt then.
+    press(8, "\x1b:-0.05\r", &["Kind", journey.before]);
     press(1, "p", &[journey.control]);
     for range in journey.range {
         session.wait_text(range);

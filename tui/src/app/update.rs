@@ -1,6 +1,6 @@
 //! Keys, clicks and texts to changes.
 
-use ratatui::crossterm::event::{KeyCode, KeyEvent, MouseButton, MouseEvent, MouseEventKind};
+use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers, MouseButton, MouseEvent, MouseEventKind};
 use ratatui::layout::Position;
 
 use super::{Action, App, Asking, Effect, Mode, PaneId, view};
@@ -26,6 +26,16 @@ const WHEEL: usize = 3;
 impl App {
     /// A key was pressed.
     pub fn key(&mut self, key: KeyEvent) {
+        // Esc and a key that arrive together are read as the key with Alt, which only prompts know.
+        let modifiers = key.modifiers.difference(KeyModifiers::ALT);
+        if modifiers != key.modifiers && !matches!(self.mode, Mode::Asking(..)) {
+            self.one_key(KeyCode::Esc.into());
+            return self.one_key(KeyEvent { modifiers, ..key });
+        }
+        self.one_key(key);
+    }
+
+    fn one_key(&mut self, key: KeyEvent) {
         if self.core.window.is_none() && keymap::action(&key) != Some(Action::Quit) {
             if self.early.len() < MOST_EARLY {
                 self.early.push(key);
