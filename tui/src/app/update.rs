@@ -26,9 +26,10 @@ const WHEEL: usize = 3;
 impl App {
     /// A key was pressed.
     pub fn key(&mut self, key: KeyEvent) {
-        // Esc and a key that arrive together are read as the key with Alt, which only prompts know.
+        // Esc and a key of one byte that arrive together are read as the key with Alt, which only prompts know.
         let modifiers = key.modifiers.difference(KeyModifiers::ALT);
-        if modifiers != key.modifiers && !matches!(self.mode, Mode::Asking(..)) {
+        let is_one_byte = matches!(key.code, KeyCode::Char(_) | KeyCode::Enter);
+        if modifiers != key.modifiers && is_one_byte && !matches!(self.mode, Mode::Asking(..)) {
             self.one_key(KeyCode::Esc.into());
             return self.one_key(KeyEvent { modifiers, ..key });
         }
