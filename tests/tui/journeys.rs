@@ -23,7 +23,7 @@ struct Journey {
     fault: &'static str,
     /// In the explanation: the rule's text.
     rule: &'static str,
-    /// The frame 50 ms before.
+    /// The last frame at least 50 ms before.
     before: &'static str,
     /// Beside the plot: the control word.
     control: &'static str,
@@ -101,7 +101,7 @@ fn a_pump_that_refuses_a_nominal_pressure() {
         first: 46,
         fault: "06090031",
         rule: "sdo-download-refused",
-        before: "/359",
+        before: "#44/359",
         control: "Control byte",
         range: &["0.00  125.01 bar"],
         frames: 359,
@@ -116,7 +116,7 @@ fn an_amplifier_that_refuses_guarding() {
         first: 153,
         fault: "060A0023",
         rule: "guard-time-only-without-heartbeat",
-        before: "/371",
+        before: "#151/371",
         control: "Control word 1",
         range: &["%"],
         frames: 371,
@@ -131,7 +131,7 @@ fn a_valve_that_refuses_a_value() {
         first: 31,
         fault: "06090031",
         rule: "sdo-download-refused",
-        before: "/178",
+        before: "#17/178",
         control: "control word",
         range: &["l/min", "bar"],
         frames: 178,
@@ -146,7 +146,7 @@ fn a_card_that_refuses_a_pressure() {
         first: 27,
         fault: "700.0 bar",
         rule: "pressure-call-up-in-limits",
-        before: "/170",
+        before: "#21/170",
         control: "Discrete",
         range: &["bar"],
         frames: 170,
