@@ -10,7 +10,6 @@ use crate::session::device::{Plan, Planned, Recent};
 use crate::session::{Bus, Observer};
 use crate::wire::NodeId;
 
-/// Entries of a mapping parameter (CiA 301 §7.5.2.36); each can be a single bit.
 impl Bus {
     #[inline]
     pub(in crate::session) fn on_pdo(
