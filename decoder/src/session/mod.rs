@@ -25,8 +25,9 @@ mod store;
 mod timers;
 mod uds;
 
+pub use crate::profile::device::GateStatus;
 pub use bus::Bus;
-pub use device::{GateState, GateStatus, Sign, StandingPoint, Watch};
+pub use device::{GateState, Sign, StandingPoint, Watch};
 pub use node::{AssignedBy, NmtStatus, Node};
 pub use store::{Entry, Origin, OriginKind, Store};
 

@@ -3,6 +3,7 @@
 //! `profiles/README.md` shows the format by example.
 
 mod condition;
+mod evaluate;
 mod file;
 mod gate;
 mod j1939;
@@ -22,6 +23,8 @@ use serde::Deserialize;
 pub use condition::{
     Condition, Conditions, LssTrigger, MessageTrigger, SetTrigger, Trigger, Triggers, Wanted,
 };
+pub use evaluate::GateStatus;
+pub(crate) use evaluate::{DeviceFacts, SYNC_AGE, TriggerEvent, UpdateSource, ValueUpdate, evaluate_all};
 pub use file::ProfileFile;
 pub use gate::{Gate, Otherwise};
 pub use j1939::{Direction, J1939Spec, MessageSpec, TroubleCode};

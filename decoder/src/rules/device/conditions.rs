@@ -2,10 +2,10 @@
 
 use super::attached::{Attached, Known};
 use super::happening::{masked, show};
-use crate::profile::device::Condition;
+use crate::profile::device::{Condition, GateStatus};
 use crate::rules::NodeMap;
 use crate::rules::context::{SETTLING, confirmed_state};
-use crate::session::{Bus, GateStatus, Node};
+use crate::session::{Bus, Node};
 use crate::wire::NodeId;
 use crate::wire::canopen::{NmtState, ObjectAddress};
 
@@ -104,7 +104,7 @@ impl Scene<'_> {
             Condition::State(_) if self.own.is_settling(channel, self.now, SETTLING) => Proof::Unknown,
             Condition::Other(conditions) => self.other(&conditions.0),
             Condition::Alone => Proof::of(self.is_alone()),
-            _ => match self.node.meets(condition, channel, self.bus.now()) {
+            _ => match condition.evaluate(&self.node.facts(self.bus.now()), channel) {
                 GateStatus::Open => Proof::Holds,
                 GateStatus::Closed => Proof::Fails,
                 GateStatus::Unknown | GateStatus::Invisible => Proof::Unknown,

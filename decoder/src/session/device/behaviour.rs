@@ -13,7 +13,7 @@ use super::procedure::Running;
 use super::set_point::SetPointState;
 use crate::event::{EventKind, J1939Message, Pdo};
 use crate::frame::Frame;
-use crate::profile::device::Trigger;
+use crate::profile::device::TriggerEvent;
 use crate::profile::{Carrier, Device, Field, Layout, Meaning, PdoDirection, Role};
 use crate::session::store::{Origin, OriginKind};
 use crate::session::{Bus, Observer};
@@ -207,7 +207,7 @@ impl Bus {
         if code != 0 {
             node.behaviour.emcy = Some(Moment { what: code, frame: frame.number, time });
         }
-        self.procedures_saw(id, &|trigger| *trigger == Trigger::Emcy(code), frame, out);
+        self.procedures_saw(id, &TriggerEvent::Emcy(code), frame, out);
         self.reassess(id, frame, out);
     }
 
@@ -222,11 +222,7 @@ impl Bus {
         let time = self.clock.now();
         let Some(node) = self.node_mut(id) else { return };
         node.behaviour.dtc = Some(Moment { what: code, frame: frame.number, time });
-        let meant = |trigger: &Trigger| match trigger {
-            Trigger::Dtc(wanted) => wanted.is_none_or(|wanted| wanted == code),
-            _ => false,
-        };
-        self.procedures_saw(id, &meant, frame, out);
+        self.procedures_saw(id, &TriggerEvent::Dtc(code.0, code.1), frame, out);
         self.reassess(id, frame, out);
     }
 
@@ -242,13 +238,7 @@ impl Bus {
         let Some(node) = self.node_mut(id) else { return };
         let [first, second, _] = node.behaviour.nmt;
         node.behaviour.nmt = [Some(Moment { what: service, frame: frame.number, time }), first, second];
-        let command = service.name();
-        self.procedures_saw(
-            id,
-            &|trigger| matches!(trigger, Trigger::Nmt(own) if own == command),
-            frame,
-            out,
-        );
+        self.procedures_saw(id, &TriggerEvent::Nmt(service.name()), frame, out);
     }
 
     /// A node started: procedures are over, set points are gone.

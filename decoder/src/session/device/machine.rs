@@ -4,7 +4,7 @@ use super::behaviour::{Changed, Moment};
 use crate::event::{DeviceCause, DeviceState, EventKind, Path};
 use crate::frame::Frame;
 use crate::profile::Device;
-use crate::profile::device::{Machine, State, Transition, Trigger};
+use crate::profile::device::{Machine, State, Transition, TriggerEvent};
 use crate::session::node::Node;
 use crate::session::{Bus, Observer};
 use crate::wire::NodeId;
@@ -147,9 +147,8 @@ impl Bus {
             known.rising = 0;
         }
         self.emit(frame, changed.id, false, EventKind::DeviceState(Box::new(event)), out);
-        let name = to.name.clone();
-        let reports = |trigger: &Trigger| matches!(trigger, Trigger::State(states) if states.contains(&name));
-        self.procedures_saw(changed.id, &reports, frame, out);
+        let reported = TriggerEvent::State(machine.channel, &to.name);
+        self.procedures_saw(changed.id, &reported, frame, out);
         self.reassess(changed.id, frame, out);
     }
 

@@ -89,7 +89,7 @@ impl Plan {
             }
             plan.commands |= device.machines.iter().any(|it| it.control.object.object == object);
         }
-        let waits = |trigger: &Trigger| trigger.is_on(carrier);
+        let waits = |trigger: &Trigger| trigger.is_met_by(&carrier.into());
         plan.triggers = device.procedures.iter().flat_map(Procedure::triggers).any(waits);
         let spec = device.pdos.iter().find(|spec| Carrier::Pdo(spec.pdo) == *carrier);
         let is_event =
@@ -106,27 +106,6 @@ impl Plan {
         plan.triggers |= plan.once_an_occasion;
         plan.commands &= direction == PdoDirection::Receive;
         (!plan.fields.is_empty() || plan.triggers).then_some(plan)
-    }
-}
-
-impl Trigger {
-    /// Whether what brings values may be what it waits for.
-    pub(super) fn is_on(&self, carrier: &Carrier) -> bool {
-        match (self, carrier) {
-            (Self::Pdo(name), Carrier::Pdo(own)) => name == own,
-            (Self::Message(message), Carrier::Message(own)) => *message.name == **own,
-            _ => false,
-        }
-    }
-}
-
-impl Condition {
-    /// Whether it looks at the value of an object.
-    fn is_on(&self, object: ObjectAddress) -> bool {
-        match self {
-            Self::Object { object: of, .. } | Self::Inside { object: of, .. } => of.object == object,
-            _ => false,
-        }
     }
 }
 
@@ -149,14 +128,14 @@ impl Device {
             .iter()
             .any(|machine| machine.status.object.object == object || machine.control.object.object == object);
         let bit = |trigger: &Trigger| matches!(trigger, Trigger::Bit(bit, _) if bit.object.object == object);
-        let on = |open: &Condition| open.is_on(object);
+        let on = |open: &Condition| open.object() == Some(object);
         let when = |trigger: &Trigger| bit(trigger) || trigger.when().iter().any(on);
         machine || self.gates_on(object) || self.procedures.iter().flat_map(Procedure::triggers).any(when)
     }
 
     /// Whether a gate looks at an object.
     pub(in crate::session) fn gates_on(&self, object: ObjectAddress) -> bool {
-        let on = |open: &Condition| open.is_on(object);
+        let on = |open: &Condition| open.object() == Some(object);
         self.gates.iter().any(|gate| gate.open.0.iter().any(on))
     }
 }

@@ -3,11 +3,14 @@
 use std::sync::Arc;
 
 use super::behaviour::Moment;
-use super::gates::{GateStatus, Subject};
+use super::gates::Subject;
 use crate::event::{EventKind, ProcedureEvent};
 use crate::frame::Frame;
-use crate::profile::device::{Condition, Procedure, ProcedureStatus, Trigger, Wanted};
-use crate::profile::{Carrier, PdoDirection, PdoName, Role, integer};
+use crate::profile::device::{
+    Condition, GateStatus, Procedure, ProcedureStatus, Trigger, TriggerEvent, UpdateSource, ValueUpdate,
+    evaluate_all,
+};
+use crate::profile::{Carrier, Role, integer};
 use crate::session::node::Node;
 use crate::session::store::OriginKind;
 use crate::session::{Bus, Observer};
@@ -55,13 +58,13 @@ impl Bus {
     pub(super) fn procedures_saw(
         &mut self,
         id: NodeId,
-        happened: &dyn Fn(&Trigger) -> bool,
+        event: &TriggerEvent<'_>,
         frame: &Frame,
         out: &mut dyn Observer,
     ) {
         let Some(device) = self.node(id).map(|node| Arc::clone(&node.device)) else { return };
         for (place, procedure) in device.procedures.iter().enumerate() {
-            self.procedure_saw(id, (place, procedure), happened, frame, out);
+            self.procedure_saw(id, (place, procedure), &|trigger| is_awaited(trigger, event), frame, out);
         }
     }
 
@@ -106,12 +109,15 @@ impl Bus {
         let Some(device) = self.node(id).map(|node| Arc::clone(&node.device)) else { return };
         let now = self.clock.now();
         let subject = Subject { object: ObjectAddress::default(), channel: None, carrier };
+        let event = carrier.into();
         for (place, procedure) in device.procedures.iter().enumerate() {
             let Some(node) = self.node(id) else { return };
-            let holds = |need: &Condition| node.holds(need, subject, now).0 == GateStatus::Open;
-            let mut met: Vec<&Trigger> =
-                procedure.triggers().filter(|it| it.is_on(carrier) && it.when().iter().all(holds)).collect();
-            if met.is_empty() && !procedure.triggers().any(|trigger| trigger.is_on(carrier)) {
+            let facts = node.facts_of(subject, now);
+            let is_met = |trigger: &&Trigger| {
+                trigger.is_met_by(&event) && evaluate_all(trigger.when(), &facts, None) == GateStatus::Open
+            };
+            let mut met: Vec<&Trigger> = procedure.triggers().filter(is_met).collect();
+            if met.is_empty() && !procedure.triggers().any(|trigger| trigger.is_met_by(&event)) {
                 continue;
             }
             let streak = self.streak(id, place, !met.is_empty());
@@ -162,12 +168,10 @@ impl Bus {
     /// Preconditions that the bus shows not to hold.
     fn unmet(&self, id: NodeId, procedure: &Procedure) -> String {
         let Some(node) = self.node(id) else { return String::new() };
-        let carrier = Carrier::Pdo(PdoName { direction: PdoDirection::Receive, number: 1 });
-        let subject = Subject { object: ObjectAddress::default(), channel: None, carrier: &carrier };
-        let now = self.clock.now();
-        let needs = procedure.needs.iter().map(|need| node.holds(need, subject, now));
-        let unmet: Vec<_> =
-            needs.filter(|(status, _)| *status == GateStatus::Closed).map(|(_, it)| it).collect();
+        let facts = node.facts(self.clock.now());
+        let is_unmet = |need: &&Condition| need.evaluate(&facts, None) == GateStatus::Closed;
+        let unmet = procedure.needs.iter().filter(is_unmet);
+        let unmet: Vec<_> = unmet.map(|need| facts.detail(need, None, GateStatus::Closed)).collect();
         if unmet.is_empty() { String::new() } else { format!("precondition not met: {}", unmet.join(", ")) }
     }
 
@@ -233,16 +237,18 @@ impl Bus {
         frame: &Frame,
         out: &mut dyn Observer,
     ) {
-        let happened = |trigger: &Trigger| {
-            let Trigger::Bit(bit, becomes) = trigger else { return false };
-            let set = |word: u64| word >> bit.bit & 1 == 1;
-            bit.object.object == object && set(raw) == *becomes && set(before.unwrap_or(0)) != *becomes
-        };
-        let watched = self
-            .node(id)
-            .is_some_and(|node| node.device.procedures.iter().flat_map(Procedure::triggers).any(&happened));
-        if watched {
-            self.procedures_saw(id, &happened, frame, out);
+        let event = TriggerEvent::Value(ValueUpdate {
+            object,
+            source: UpdateSource::Received,
+            raw: Some(raw.cast_signed()),
+            before: before.map(u64::cast_signed),
+            bytes: &[],
+            meaning: None,
+            is_fresh: true,
+        });
+        let mut procedures = self.node(id).into_iter().flat_map(|node| &node.device.procedures);
+        if procedures.any(|procedure| procedure.triggers().any(|trigger| is_awaited(trigger, &event))) {
+            self.procedures_saw(id, &event, frame, out);
         }
     }
 
@@ -258,18 +264,24 @@ impl Bus {
     ) {
         let Some(node) = self.node(id) else { return };
         let device = Arc::clone(&node.device);
-        let number = node.meaning(object).and_then(|meaning| integer(&meaning.decode(value)));
-        let fits = |wanted: &Option<Wanted>| match wanted {
-            None => true,
-            Some(Wanted::Text(text)) => text.as_bytes() == value,
-            Some(Wanted::Numbers(numbers)) => number.is_some_and(|number| numbers.contains(number)),
+        let meaning = node.meaning(object);
+        let source = match kind {
+            OriginKind::Download => Some(UpdateSource::Written),
+            OriginKind::Upload => Some(UpdateSource::Read),
+            _ => None,
         };
-        let happened = |trigger: &Trigger| match trigger {
-            Trigger::Write(of, wanted) => kind == OriginKind::Download && of.object == object && fits(wanted),
-            Trigger::Read(of, wanted) => kind == OriginKind::Upload && of.object == object && fits(wanted),
-            _ => false,
-        };
-        self.procedures_saw(id, &happened, frame, out);
+        if let Some(source) = source {
+            let event = TriggerEvent::Value(ValueUpdate {
+                object,
+                source,
+                raw: meaning.as_ref().and_then(|meaning| integer(&meaning.decode(value))),
+                before: None,
+                bytes: value,
+                meaning: meaning.as_ref(),
+                is_fresh: false,
+            });
+            self.procedures_saw(id, &event, frame, out);
+        }
         if kind != OriginKind::Upload {
             return;
         }
@@ -352,6 +364,11 @@ impl Bus {
         };
         self.emit(frame, node, false, EventKind::Procedure(Box::new(event)), out);
     }
+}
+
+/// Whether an event is what a trigger of a procedure waits for.
+fn is_awaited(trigger: &Trigger, event: &TriggerEvent<'_>) -> bool {
+    !trigger.is_of_rules() && trigger.is_met_by(event)
 }
 
 fn described(procedure: &Procedure, step: &str, status: ProcedureStatus) -> ProcedureEvent {

@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use super::behaviour::Moment;
-use super::gates::{SYNC_AGE, Subject};
+use super::gates::Subject;
 use super::plan::Plan;
 use super::standing::StandingPoint;
 use crate::event::{Effective, EventKind, FrameRange, Quantity, SetPoint};
 use crate::frame::Frame;
-use crate::profile::device::PdoEffect;
+use crate::profile::device::{PdoEffect, SYNC_AGE};
 use crate::profile::{Carrier, Layout, Meaning, Role, Value};
 use crate::session::node::Node;
 use crate::session::timers::Subject as Timer;

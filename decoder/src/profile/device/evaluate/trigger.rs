@@ -1,0 +1,362 @@
+//! Operators of triggers, and the events they are compared with.
+
+use crate::profile::device::{SetTrigger, Trigger, Wanted};
+use crate::profile::object::Numbers;
+use crate::profile::{Carrier, Meaning, PdoName};
+use crate::wire::canopen::ObjectAddress;
+
+/// An event at a device, as triggers distinguish events.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum TriggerEvent<'a> {
+    /// A PDO is received or sent.
+    Pdo(PdoName),
+    /// A J1939 message, by its name in the profile.
+    Message(&'a str),
+    /// An object is written or read, or its value arrives in a PDO or message.
+    Value(ValueUpdate<'a>),
+    /// NMT command to the node, by its name.
+    Nmt(&'a str),
+    /// The machine of a channel reports a state.
+    State(Option<u8>, &'a str),
+    /// SYNC with the node's own identifier.
+    Sync,
+    /// EMCY code.
+    Emcy(u16),
+    /// SPN and FMI of a trouble code.
+    Dtc(u32, u8),
+    /// Start of the node.
+    Boot,
+    /// Guarding request.
+    Guard,
+    /// LSS message on the node's bus.
+    Lss(LssEvent<'a>),
+}
+
+/// A value of an object.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ValueUpdate<'a> {
+    pub(crate) object: ObjectAddress,
+    pub(crate) source: UpdateSource,
+    /// Raw number; `None` if it is not a number or not complete.
+    pub(crate) raw: Option<i64>,
+    /// Raw number known before.
+    pub(crate) before: Option<i64>,
+    /// Bytes of a transfer.
+    pub(crate) bytes: &'a [u8],
+    pub(crate) meaning: Option<&'a Meaning>,
+    /// Without a number before, its bits count as clear.
+    pub(crate) is_fresh: bool,
+}
+
+/// Transfer or message that contains a value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum UpdateSource {
+    /// Confirmed SDO download.
+    Written,
+    /// Refused SDO download.
+    Refused,
+    /// SDO upload.
+    Read,
+    /// PDO or message to the device.
+    Received,
+    /// PDO or message of the device.
+    Sent,
+}
+
+impl UpdateSource {
+    /// Whether the value is for the device.
+    pub(crate) const fn is_command(self) -> bool {
+        matches!(self, Self::Written | Self::Refused | Self::Received)
+    }
+
+    /// The name used in findings.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Written => "written",
+            Self::Refused => "refused",
+            Self::Read => "read",
+            Self::Received => "received",
+            Self::Sent => "sent",
+        }
+    }
+}
+
+/// An LSS message.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LssEvent<'a> {
+    pub(crate) service: &'a str,
+    pub(crate) is_answer: bool,
+    /// Byte after the command specifier; `None` if the service has none that counts.
+    pub(crate) value: Option<u8>,
+}
+
+impl<'a> From<&'a Carrier> for TriggerEvent<'a> {
+    fn from(carrier: &'a Carrier) -> Self {
+        match carrier {
+            Carrier::Pdo(name) => Self::Pdo(*name),
+            Carrier::Message(name) => Self::Message(name),
+        }
+    }
+}
+
+impl Trigger {
+    /// Whether an event is what it waits for. A refused write did not take effect and does not count.
+    pub(crate) fn is_met_by(&self, event: &TriggerEvent<'_>) -> bool {
+        self.matches(event, false)
+    }
+
+    /// The same, but a refused write counts.
+    pub(crate) fn is_attempted_by(&self, event: &TriggerEvent<'_>) -> bool {
+        self.matches(event, true)
+    }
+
+    fn matches(&self, event: &TriggerEvent<'_>, attempts: bool) -> bool {
+        match (event, self) {
+            (TriggerEvent::Value(update), _) => self.matches_update(update, attempts),
+            (TriggerEvent::Pdo(name), Self::Pdo(wanted)) => name == wanted,
+            (TriggerEvent::Message(name), Self::Message(wanted)) => *name == wanted.name,
+            (TriggerEvent::Nmt(command), Self::Nmt(wanted)) => command == wanted,
+            (TriggerEvent::State(_, state), Self::State(wanted)) => wanted.iter().any(|it| it == state),
+            (TriggerEvent::Emcy(code), Self::Emcy(wanted)) => code == wanted,
+            (TriggerEvent::Dtc(spn, fmi), Self::Dtc(wanted)) => wanted.is_none_or(|it| it == (*spn, *fmi)),
+            (TriggerEvent::Sync, Self::Sync)
+            | (TriggerEvent::Boot, Self::Boot)
+            | (TriggerEvent::Guard, Self::Guard) => true,
+            (TriggerEvent::Lss(lss), Self::Lss(wanted)) => {
+                lss.service == wanted.service
+                    && lss.is_answer == wanted.answer
+                    && is_any_of(lss.value.map(i64::from), wanted.values.as_ref())
+            }
+            _ => false,
+        }
+    }
+
+    fn matches_update(&self, update: &ValueUpdate<'_>, attempts: bool) -> bool {
+        let is_write = match update.source {
+            UpdateSource::Written => true,
+            UpdateSource::Refused => attempts,
+            UpdateSource::Read | UpdateSource::Received | UpdateSource::Sent => false,
+        };
+        match self {
+            Self::Write(of, wanted) => {
+                update.object == of.object && is_write && is_wanted(update, wanted.as_ref())
+            }
+            Self::Read(of, wanted) => {
+                update.object == of.object
+                    && update.source == UpdateSource::Read
+                    && is_wanted(update, wanted.as_ref())
+            }
+            Self::Writes(range) => is_write && range.covers(update.object, 0, 0),
+            Self::Set(set) => {
+                update.object == set.object.object
+                    && (is_write || update.source == UpdateSource::Received)
+                    && is_set(update, set)
+            }
+            Self::Bit(bit, becomes) => {
+                let is_as_wanted = |word: i64| word >> bit.bit & 1 == i64::from(*becomes);
+                let before = update.before.or(update.is_fresh.then_some(0));
+                update.object == bit.object.object
+                    && !matches!(update.source, UpdateSource::Refused | UpdateSource::Read)
+                    && update.raw.is_some_and(is_as_wanted)
+                    && before.is_some_and(|before| !is_as_wanted(before))
+            }
+            _ => false,
+        }
+    }
+}
+
+fn is_wanted(update: &ValueUpdate<'_>, wanted: Option<&Wanted>) -> bool {
+    match wanted {
+        None => true,
+        Some(Wanted::Text(text)) => text.as_bytes() == update.bytes,
+        Some(Wanted::Numbers(numbers)) => update.raw.is_some_and(|raw| numbers.contains(raw)),
+    }
+}
+
+fn is_set(update: &ValueUpdate<'_>, set: &SetTrigger) -> bool {
+    let through = |raw: i64| super::masked(raw, set.mask);
+    let Some(raw) = update.raw.map(through) else { return set.values.is_none() && !set.changed };
+    let is_meant = set.values.as_ref().is_none_or(|values| values.contains(raw) != set.negated);
+    is_meant && (!set.changed || update.before.is_some_and(|before| through(before) != raw))
+}
+
+fn is_any_of(value: Option<i64>, wanted: Option<&Numbers>) -> bool {
+    wanted.is_none_or(|wanted| value.is_some_and(|value| wanted.contains(value)))
+}
+
+#[cfg(test)]
+mod tests {
+    use UpdateSource::{Read, Received, Refused, Sent, Written};
+
+    use super::*;
+
+    fn trigger(text: &str) -> Trigger {
+        toml::from_str(text).unwrap()
+    }
+
+    fn is_met(text: &str, event: &TriggerEvent<'_>) -> bool {
+        let trigger = trigger(text);
+        let is_met = trigger.is_met_by(event);
+        // Only a refused write makes a difference between the two.
+        let is_refused = matches!(event, TriggerEvent::Value(update) if update.source == Refused);
+        assert!(is_refused || trigger.is_attempted_by(event) == is_met, "{text}");
+        is_met
+    }
+
+    /// Object 2000:00 gets a value.
+    fn update(source: UpdateSource, before: Option<i64>, raw: Option<i64>) -> TriggerEvent<'static> {
+        TriggerEvent::Value(ValueUpdate {
+            object: ObjectAddress::new(0x2000, 0),
+            source,
+            raw,
+            before,
+            bytes: b"save",
+            meaning: None,
+            is_fresh: false,
+        })
+    }
+
+    const SOURCES: [UpdateSource; 5] = [Written, Refused, Read, Received, Sent];
+
+    /// The sources by which a trigger is met, and by which it is attempted.
+    fn sources(text: &str, before: Option<i64>, raw: i64) -> [Vec<UpdateSource>; 2] {
+        let (trigger, event) = (trigger(text), |source| update(source, before, Some(raw)));
+        let met = SOURCES.into_iter().filter(|source| trigger.is_met_by(&event(*source)));
+        let attempted = SOURCES.into_iter().filter(|source| trigger.is_attempted_by(&event(*source)));
+        [met.collect(), attempted.collect()]
+    }
+
+    #[test]
+    fn each_trigger_on_an_object_has_its_sources() {
+        assert_eq!(sources("write = \"2000:00\"", None, 1), [vec![Written], vec![Written, Refused]]);
+        assert_eq!(sources("read = \"2000:00\"", None, 1), [vec![Read], vec![Read]]);
+        let writes = "writes = \"1FFF:00..2001:00\"";
+        assert_eq!(sources(writes, None, 1), [vec![Written], vec![Written, Refused]]);
+        let set = [vec![Written, Received], vec![Written, Refused, Received]];
+        assert_eq!(sources("set = \"2000:00\"", None, 1), set);
+        let bit = vec![Written, Received, Sent];
+        assert_eq!(sources("bit = \"2000:00/3\"\nbecomes = 1", Some(0), 8), [bit.clone(), bit]);
+    }
+
+    #[test]
+    fn other_objects_are_ignored() {
+        for text in [
+            "write = \"2000:01\"",
+            "read = \"2000:01\"",
+            "writes = \"2000:01..2FFF:00\"",
+            "set = \"2000:01\"",
+            "bit = \"2000:01/3\"\nbecomes = 1",
+        ] {
+            assert_eq!(sources(text, Some(0), 8), [vec![], vec![]], "{text}");
+        }
+    }
+
+    #[test]
+    fn write_and_read_compare_numbers_or_text() {
+        for (key, source) in [("write", Written), ("read", Read)] {
+            let is_met = |equals: &str, raw| {
+                is_met(&format!("{key} = \"2000:00\"\nequals = {equals}"), &update(source, None, raw))
+            };
+            assert!(is_met("7", Some(7)) && is_met("[1, 7]", Some(7)) && is_met("\"save\"", None));
+            assert!(!is_met("6", Some(7)) && !is_met("7", None) && !is_met("\"load\"", Some(7)));
+        }
+    }
+
+    #[test]
+    fn set_compares_through_its_mask() {
+        let is_met = |keys: &str, raw| {
+            is_met(&format!("set = \"2000:00\"\n{keys}"), &update(Received, Some(0), Some(raw)))
+        };
+        assert!(is_met("equals = 5", 5) && !is_met("equals = 5", 7));
+        assert!(is_met("equals = 5\nmask = 0x0D", 7) && !is_met("equals = 5\nmask = 0x0D", 8));
+        assert!(is_met("not = 5", 7) && !is_met("not = 5", 5));
+        assert!(is_met("not = 5\nmask = 0x0D", 8) && !is_met("not = 5\nmask = 0x0D", 7));
+    }
+
+    #[test]
+    fn set_with_changed_needs_another_value_before() {
+        let is_met = |keys: &str, before, raw| {
+            is_met(&format!("set = \"2000:00\"\n{keys}"), &update(Received, before, raw))
+        };
+        assert!(is_met("changed = true", Some(4), Some(5)));
+        assert!(!is_met("changed = true", Some(5), Some(5)));
+        assert!(!is_met("changed = true", None, Some(5)));
+        // Bits outside the mask do not count as a change.
+        let masked = "changed = true\nequals = 1\nmask = 1";
+        assert!(is_met(masked, Some(2), Some(3)) && !is_met(masked, Some(1), Some(3)));
+        // A value that is not a number sets the object, but to nothing that could be compared.
+        assert!(is_met("", None, None) && !is_met("changed = true", Some(1), None));
+        assert!(!is_met("equals = 1", None, None) && !is_met("not = 1", None, None));
+    }
+
+    #[test]
+    fn bit_needs_a_change_to_the_wanted_level() {
+        let is_met = |becomes: u8, before, raw| {
+            is_met(&format!("bit = \"2000:00/3\"\nbecomes = {becomes}"), &update(Sent, before, raw))
+        };
+        assert!(is_met(1, Some(0b0100), Some(0b1100)) && is_met(0, Some(0b1000), Some(0)));
+        assert!(!is_met(1, Some(0b1000), Some(0b1100)) && !is_met(1, Some(0b1000), Some(0)));
+        assert!(!is_met(0, Some(0b1000), Some(0b1100)) && !is_met(0, Some(0), Some(0)));
+        assert!(!is_met(1, None, Some(0b1000)) && !is_met(1, Some(0), None));
+    }
+
+    #[test]
+    fn bits_of_a_fresh_node_count_as_clear() {
+        let TriggerEvent::Value(value) = update(Sent, None, Some(8)) else { unreachable!() };
+        let fresh = TriggerEvent::Value(ValueUpdate { is_fresh: true, ..value });
+        assert!(is_met("bit = \"2000:00/3\"\nbecomes = 1", &fresh));
+        assert!(!is_met("bit = \"2000:00/2\"\nbecomes = 0", &fresh));
+    }
+
+    #[test]
+    fn carriers_are_compared_by_name() {
+        let pdo = Carrier::Pdo("RPDO2".parse().unwrap());
+        let message = Carrier::Message("TSC1".into());
+        assert!(is_met("pdo = \"RPDO2\"", &TriggerEvent::from(&pdo)));
+        assert!(!is_met("pdo = \"TPDO2\"", &TriggerEvent::from(&pdo)));
+        assert!(is_met("message = { name = \"TSC1\" }", &TriggerEvent::from(&message)));
+        assert!(!is_met("message = { name = \"EEC1\" }", &TriggerEvent::from(&message)));
+    }
+
+    #[test]
+    fn codes_commands_and_states_are_compared() {
+        assert!(is_met("emcy = 0x8130", &TriggerEvent::Emcy(0x8130)));
+        assert!(!is_met("emcy = 0x8130", &TriggerEvent::Emcy(0)));
+        assert!(is_met("dtc = true", &TriggerEvent::Dtc(91, 3)));
+        assert!(is_met("dtc = \"91/3\"", &TriggerEvent::Dtc(91, 3)));
+        assert!(!is_met("dtc = \"91/3\"", &TriggerEvent::Dtc(91, 4)));
+        assert!(is_met("nmt = \"start\"", &TriggerEvent::Nmt("start")));
+        assert!(!is_met("nmt = \"start\"", &TriggerEvent::Nmt("stop")));
+        assert!(is_met("state = [\"A\", \"B\"]", &TriggerEvent::State(Some(1), "B")));
+        assert!(!is_met("state = \"A\"", &TriggerEvent::State(None, "B")));
+    }
+
+    #[test]
+    fn an_lss_service_is_compared_with_its_direction_and_byte() {
+        let of =
+            |is_answer, value| TriggerEvent::Lss(LssEvent { service: "switch-global", is_answer, value });
+        let is_service = |keys: &str, event| is_met(&format!("lss = \"switch-global\"\n{keys}"), &event);
+        assert!(is_service("", of(false, Some(1))) && !is_service("", of(true, Some(1))));
+        assert!(is_service("answer = true", of(true, None)) && !is_service("answer = true", of(false, None)));
+        assert!(
+            is_service("equals = [0, 1]", of(false, Some(1)))
+                && !is_service("equals = 0", of(false, Some(1)))
+        );
+        assert!(!is_service("equals = 0", of(false, None)));
+        assert!(!is_met("lss = \"other\"", &of(false, None)));
+    }
+
+    #[test]
+    fn events_without_data_meet_their_own_trigger_only() {
+        let all = [
+            ("sync = true", TriggerEvent::Sync),
+            ("boot = true", TriggerEvent::Boot),
+            ("guard = true", TriggerEvent::Guard),
+        ];
+        for (place, (text, _)) in all.iter().enumerate() {
+            for (other, (_, event)) in all.iter().enumerate() {
+                assert_eq!(is_met(text, event), place == other, "{text}");
+            }
+        }
+    }
+}
