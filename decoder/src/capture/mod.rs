@@ -12,40 +12,22 @@
 //! the capture ends; of text the last line is one like any other, without its end too.
 
 pub mod adapter;
-mod asc;
 mod batch;
-mod blf;
 mod bus_error;
-mod busmaster;
 mod byte_order;
 mod calendar;
-mod candump;
-mod canking;
-mod carbus;
-mod columns;
 mod compression;
-mod crtd;
-mod csv;
 mod elapsed;
+mod formats;
 mod holds;
 mod inflate;
-mod line_format;
 mod link;
-mod mcap;
-mod mdf4;
 mod merged;
-mod microchip;
-mod payload;
-mod pcap;
-mod pcapng;
-mod print;
 mod reader;
 mod remark;
-mod roadster;
 #[cfg(test)]
 mod testing;
 mod text;
-mod trc;
 mod writer;
 
 use std::fmt;
@@ -55,12 +37,12 @@ use crate::frame::{BusIndex, LinkState, Timestamp};
 use crate::words::plural;
 
 pub use batch::{BATCH_FRAMES, Batch, Item};
-pub use candump::TimeStyle;
 pub use compression::{decompress, is_compressed};
+#[cfg(feature = "mcap")]
+pub use formats::mcap::{McapWriter, Topic};
+pub use formats::{FORMATS, WRITABLE, candump::TimeStyle, detect};
 pub use holds::{Directions, ErrorFrames, Holds, Losses};
 pub use link::kernel_frame;
-#[cfg(feature = "mcap")]
-pub use mcap::{McapWriter, Topic};
 pub use merged::{Merged, MergedCapture, MergedPosition};
 pub use reader::{Position, Reader};
 pub use writer::{FrameWriter, Packing, WritableFormat, WriteOptions};
@@ -290,42 +272,4 @@ pub struct Format {
     pub detect: fn(&[u8]) -> bool,
     /// A parser at the start of a capture.
     pub parser: fn(&ReadOptions) -> Box<dyn Parser>,
-}
-
-/// All formats, binary before text, strict before lenient: the first that recognises a capture reads it.
-pub const FORMATS: &[Format] = &[
-    mcap::FORMAT,
-    pcapng::FORMAT,
-    pcap::FORMAT,
-    blf::FORMAT,
-    mdf4::FORMAT,
-    trc::FORMAT,
-    asc::FORMAT,
-    busmaster::FORMAT,
-    carbus::FORMAT,
-    microchip::FORMAT,
-    canking::FORMAT,
-    crtd::FORMAT,
-    roadster::FORMAT,
-    csv::FORMAT,
-    candump::FORMAT,
-];
-
-/// All formats that can be written.
-pub const WRITABLE: &[WritableFormat] = &[
-    candump::WRITABLE,
-    pcapng::WRITABLE,
-    asc::WRITABLE,
-    trc::WRITABLE,
-    csv::WRITABLE,
-    #[cfg(feature = "mcap")]
-    mcap::WRITABLE,
-];
-
-/// The format that recognises these first bytes; `is_whole` where no more follow. Of text only whole lines tell: the
-/// beginning of a line may look like that of another format.
-pub fn detect(head: &[u8], is_whole: bool) -> Option<&'static Format> {
-    let end = head.iter().rposition(|byte| matches!(byte, b'\n' | b'\r')).map_or(0, |end| end + 1);
-    let lines = if is_whole { head } else { head.get(..end).unwrap_or_default() };
-    FORMATS.iter().find(|format| (format.detect)(if format.is_text { lines } else { head }))
 }

@@ -116,7 +116,7 @@ macro_rules! declare_rule {
     ($(#[doc = $doc:literal])+ $name:literal, $severity:ident, $title:literal,
      kinds: [$($kind:literal),+ $(,)?] $(, $field:ident: $value:expr)* $(,)?) => {
         /// What the rule says of itself.
-        pub(in crate::rules) const DECLARATION: $crate::rules::Declaration = $crate::rules::Declaration {
+        const DECLARATION: $crate::rules::Declaration = $crate::rules::Declaration {
             name: $name,
             severity: $crate::finding::Severity::$severity,
             title: $title,
@@ -125,6 +125,10 @@ macro_rules! declare_rule {
             $($field: $value,)*
             ..$crate::rules::Declaration::PLAIN
         };
+
+        /// Its line of the registry.
+        pub(in crate::rules::general) const ENTRY: $crate::rules::Entry =
+            $crate::rules::Entry { declaration: &DECLARATION, make: |setup| Box::new(new(setup)) };
     };
 }
 

@@ -4,12 +4,10 @@
 //! Event ─Engine::event─▶ rules of its kind ─Context::fail─▶ Ledger: groups, causes ─▶ news (events), Findings
 //! ```
 //!
-//! A rule is one file of `general/` and one line of [`REGISTRY`]: its doc comment is its documentation, its
+//! A rule is one file of a family of `general/` and one line of [`REGISTRY`]: its doc comment is its documentation, its
 //! fixture `fixtures/rules/<name>.log` its proof. It sees the events of one bus, asks to be woken at deadlines,
 //! and keeps what it must remember; a rule never parses bytes.
 
-mod abort_codes;
-mod causes;
 pub mod conformance;
 mod context;
 mod declaration;
@@ -17,25 +15,18 @@ mod device;
 mod engine;
 mod expectation;
 mod general;
-mod interests;
 mod ledger;
-mod machines;
-mod meter;
-mod names;
-mod nodes;
-mod setup;
-mod traffic;
 
+pub use context::meter::{Meter, Second};
+pub use context::nodes::{NodeMap, NodeSet};
+pub use context::traffic::{BySlot, PdoSlot, Traffic};
 pub use context::{Alarm, Context};
 pub use declaration::{Declaration, HEADINGS, Tolerance, manual, section};
+pub use engine::names::check_names;
+pub use engine::setup::Setup;
 pub use engine::{Engine, Judge};
 pub use expectation::Expectation;
 pub use general::REGISTRY;
-pub use meter::{Meter, Second};
-pub use names::check_names;
-pub use nodes::{NodeMap, NodeSet};
-pub use setup::Setup;
-pub use traffic::{BySlot, PdoSlot, Traffic};
 
 use crate::event::Event;
 use crate::query::KindSet;

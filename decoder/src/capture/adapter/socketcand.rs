@@ -16,10 +16,10 @@
 //! Sources: doc/protocol.md and state_raw.c of linux-can/socketcand. The document has blanks between data
 //! bytes, the program writes none: both are read.
 
-use super::super::columns::{self, Words};
-use super::super::text::excerpt;
 use super::{Begun, hexadecimal};
-use crate::capture::payload::is_fd_length;
+use crate::capture::text::columns::{self, Words};
+use crate::capture::text::lines::excerpt;
+use crate::capture::text::payload::is_fd_length;
 use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, Timestamp};
 
 /// Longest element that is read, in bytes between its brackets; an FD frame with blanks has 240.

@@ -3,7 +3,7 @@
 use super::socketcan::{self, Bad, IdOrder};
 use super::{Link, Opened, Payload, open};
 use crate::capture::byte_order::ByteOrder;
-use crate::capture::text::excerpt;
+use crate::capture::text::lines::excerpt;
 use crate::capture::{Batch, BusNames, MAX_BUS_NAME, MAX_BUSES, Notice, Place};
 use crate::frame::{BusIndex, FrameFlags, Timestamp};
 

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
+use super::causes::{CauseEntry, Effect, Explained, causes};
 use super::{Claim, Ledger};
 use crate::finding::{Cause, Group, RuleInfo, Severity};
 use crate::frame::Timestamp;
-use crate::rules::causes::{CauseEntry, Effect, Explained, causes};
 use crate::rules::conformance::Standing;
 
 /// Why a finding is less severe before the bus has shown what it speaks.

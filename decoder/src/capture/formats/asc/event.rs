@@ -1,0 +1,156 @@
+//! Lines of an ASC capture that carry a time: which of them are frames, and of which kind.
+
+use super::error;
+use super::frame;
+use crate::capture::text::columns::{Base, Words, time};
+use crate::frame::Frame;
+
+/// Nanoseconds of the unit of times.
+const SECOND: i64 = 1_000_000_000;
+
+/// First words behind the time of events that are no frames: the measurement's own, variables, test
+/// steps, positions, comments.
+const NO_FRAME: &[&[u8]] = &[
+    b"CAN", // `CAN 1 Status:chip status error passive …`
+    b"SV:",
+    b"GPS-Device:",
+    b"Comment:",
+    b"GMGroup:",
+    b"TFS:",
+    b"log",
+    b"Trigger",
+];
+
+/// First words of frames of other bus systems. LIN's are `Li` for the first channel, `L2` and so on for
+/// the others.
+const OTHER_BUSES: &[&[u8]] =
+    &[b"Li", b"LIN", b"Fr", b"FR", b"ETH", b"MOST", b"MS", b"M50", b"M150", b"WLAN", b"AFDX", b"A429"];
+
+/// Beginnings of the word behind a channel where the line is about the channel, or repeats what frames
+/// say: `Statistic:` counts, `J1939TP` is the transport message that earlier frames carried.
+const ABOUT_CHANNEL: &[&[u8]] = &[b"Statistic", b"Status", b"J1939TP", b"OSEKTL", b"LIN"];
+
+/// A line with a time.
+#[derive(Debug)]
+pub(super) struct Event<'a> {
+    /// Time as written, in nanoseconds.
+    pub(super) stamp: i64,
+    /// What happened, or what was expected instead.
+    pub(super) content: Result<Content<'a>, &'static str>,
+}
+
+/// What a line with a time says.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Content<'a> {
+    /// A frame on a channel, its number, time and bus left open.
+    Frame(&'a [u8], Frame),
+    /// `Start of measurement`: the block's date is the zero of the times.
+    Start,
+    /// A frame somebody wants to send; when it was sent it stands in a line of its own.
+    Request,
+    /// A frame of another bus system.
+    Foreign,
+    /// No frame.
+    Nothing,
+}
+
+/// Reads a line; `None` if it does not begin with a time.
+pub(super) fn parse(line: &[u8], base: Base) -> Option<Event<'_>> {
+    let mut words = Words::new(line);
+    let stamp = words.next().filter(|word| word.contains(&b'.')).and_then(|word| time(word, SECOND))?;
+    Some(Event { stamp, content: content(words, base) })
+}
+
+fn content(mut words: Words<'_>, base: Base) -> Result<Content<'_>, &'static str> {
+    let first = words.next().unwrap_or_default();
+    let rest = words.clone();
+    if first == b"Start" {
+        return Ok(Content::Start);
+    }
+    // `// comment`, `EnvVar := 1`
+    let is_silent = first.starts_with(b"//") || words.peek() == Some(b":=") || NO_FRAME.contains(&first);
+    if is_silent {
+        return Ok(Content::Nothing);
+    }
+    if is_foreign(first) {
+        return Ok(Content::Foreign);
+    }
+    let is_fd = first.eq_ignore_ascii_case(b"CANFD");
+    let channel = if is_fd { words.next().unwrap_or_default() } else { first };
+    if first == b"CANXL" {
+        return Err("CAN XL frame: not supported");
+    }
+    if channel.is_empty() || !channel.iter().all(u8::is_ascii_digit) {
+        return Err("expected a channel number, CANFD, or a known event behind the time");
+    }
+    let about = words.peek().unwrap_or_default();
+    if ABOUT_CHANNEL.iter().any(|start| about.starts_with(start)) {
+        return Ok(Content::Nothing);
+    }
+    if let Some(frame) = error::parse(words.rest()) {
+        return Ok(Content::Frame(channel, frame));
+    }
+    let frame = if is_fd { frame::on_fd_channel(words, base)? } else { frame::classic(words, base, rest)? };
+    Ok(frame.map_or(Content::Request, |frame| Content::Frame(channel, frame)))
+}
+
+fn is_foreign(first: &[u8]) -> bool {
+    let lin = first.strip_prefix(b"L").filter(|digits| !digits.is_empty());
+    OTHER_BUSES.contains(&first) || lin.is_some_and(|digits| digits.iter().all(u8::is_ascii_digit))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn content_of(line: &str) -> Result<Content<'_>, &'static str> {
+        parse(line.as_bytes(), Base::Hex).unwrap().content
+    }
+
+    #[test]
+    fn known_events_are_no_frames() {
+        for line in [
+            "   0.015991 CAN 1 Status:chip status error passive - TxErr: 132 RxErr: 0",
+            "   1.015991 1  Statistic: D 0 R 0 XD 0 XR 0 E 0 O 0 B 0.00%",
+            "   3.297743 1  J1939TP FEE3p        6    0  0   -   Rx   d 23 A0 0F A6",
+            "   3.3 CANFD   1 Statistic: D 0",
+            "   1.5 EngineSpeed := 12.5",
+            "   1.5 SV: 2 0 1 ::Namespace::Variable = 1",
+            "   1.5 log trigger event",
+            "   1.5 Comment: 1 text",
+        ] {
+            assert_eq!(content_of(line), Ok(Content::Nothing), "{line}");
+        }
+        assert_eq!(content_of("   0.000000 Start of measurement"), Ok(Content::Start));
+        assert_eq!(content_of("   0.1 1 291 TxRq d 0"), Ok(Content::Request));
+    }
+
+    #[test]
+    fn frames_of_other_bus_systems_are_told_from_can() {
+        for line in [
+            "   0.1 Li 3c Tx     8 01 02 03 04 05 06 07 08  checksum = 7f",
+            "   0.1 L12 3c Tx 8 01 02 03 04 05 06 07 08",
+            "   0.1 Fr RMSG  0 0 1 1 1e 0 Rx 0 40 4 8 01 02",
+            "   0.1 ETH  1 Rx 40:FFFFFFFFFFFF020000000001080045",
+        ] {
+            assert_eq!(content_of(line), Ok(Content::Foreign), "{line}");
+        }
+        assert!(content_of("   0.1 Lx 3c Tx 8").is_err());
+    }
+
+    #[test]
+    fn others_are_unreadable() {
+        for line in
+            ["   0.1 hello", "   0.1", "   0.1 CANFD", "   0.1 CANXL 1 Rx", "  0.1 1", "  0.1 1 what is it"]
+        {
+            assert!(content_of(line).is_err(), "{line}");
+        }
+    }
+
+    #[test]
+    fn lines_of_the_header_have_no_time() {
+        for line in ["base hex", "// 1.0 x", "-1.0 1 100 Rx d 0", "1 1 100 Rx d 0", ""] {
+            assert!(parse(line.as_bytes(), Base::Hex).is_none(), "{line}");
+        }
+    }
+}

@@ -1,0 +1,216 @@
+//! Lines of an ASC capture that carry no time: what the times and numbers mean.
+//!
+//! ```text
+//! date Sam Sep 30 15:06:13.191 2017          or 03:06:13.191 pm 2017
+//! base hex  timestamps absolute              or dec, relative
+//! internal events logged
+//! // version 9.0.0
+//! Begin Triggerblock Sam Sep 30 15:06:13.191 2017
+//! End TriggerBlock
+//! ```
+
+use nom::bytes::complete::{tag_no_case, take_till1};
+use nom::character::complete::{char, digit1, space0, space1};
+use nom::combinator::{all_consuming, map_opt, opt, verify};
+use nom::sequence::{preceded, terminated};
+use nom::{IResult, Parser};
+
+use crate::capture::calendar::utc;
+use crate::capture::text::columns::{Base, Words, time};
+
+/// Nanoseconds of the unit that seconds are written in.
+const SECOND: i64 = 1_000_000_000;
+
+/// First letters of the months, English and German, lower case; ä in Latin-1 and in UTF-8.
+const MONTHS: &[(&[u8], i64)] = &[
+    (b"jan", 1),
+    (b"feb", 2),
+    (b"mar", 3),
+    (b"m\xE4r", 3),
+    (b"m\xC3\xA4r", 3),
+    (b"mrz", 3),
+    (b"apr", 4),
+    (b"may", 5),
+    (b"mai", 5),
+    (b"jun", 6),
+    (b"jul", 7),
+    (b"aug", 8),
+    (b"sep", 9),
+    (b"oct", 10),
+    (b"okt", 10),
+    (b"nov", 11),
+    (b"dec", 12),
+    (b"dez", 12),
+];
+
+/// Beginnings of lines that say nothing a reader needs, lower case.
+const SILENT: &[&[u8]] =
+    &[b"internal events logged", b"no internal events logged", b"end triggerblock", b"//"];
+
+/// What a line without time says.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Header {
+    /// When the measurement began, nanoseconds since 1970, the date read as UTC.
+    Date(i64),
+    /// When a trigger began a block; it may carry no date.
+    TriggerBlock(Option<i64>),
+    /// What numbers and times are.
+    Base {
+        /// Digits of identifiers and data.
+        base: Base,
+        /// Times are differences to the line before.
+        relative: bool,
+    },
+    /// Nothing a reader needs.
+    Silent,
+}
+
+/// Reads a line that does not begin with a time; the error says what was expected.
+pub(super) fn parse(line: &[u8]) -> Result<Header, &'static str> {
+    const DATE: &str = "date: expected weekday, month, day, time and year";
+    if SILENT.iter().any(|start| begins_with(line, start)) {
+        return Ok(Header::Silent);
+    }
+    let mut words = Words::new(line);
+    let first = words.next().unwrap_or_default();
+    if first.eq_ignore_ascii_case(b"date") {
+        return date(words.rest()).map(Header::Date).ok_or(DATE);
+    }
+    if first.eq_ignore_ascii_case(b"base") {
+        return base(words).ok_or("base: expected hex or dec");
+    }
+    let second = words.next().unwrap_or_default();
+    if first.eq_ignore_ascii_case(b"begin") && second.eq_ignore_ascii_case(b"triggerblock") {
+        let rest = words.rest().trim_ascii();
+        let date = date(rest);
+        let is_blank = rest.is_empty();
+        return if date.is_some() || is_blank { Ok(Header::TriggerBlock(date)) } else { Err(DATE) };
+    }
+    Err("expected a time in seconds, or a line of the header")
+}
+
+fn begins_with(line: &[u8], start: &[u8]) -> bool {
+    line.get(..start.len()).is_some_and(|found| found.eq_ignore_ascii_case(start))
+}
+
+/// `hex  timestamps absolute`; without `timestamps` they are absolute.
+fn base(mut words: Words<'_>) -> Option<Header> {
+    let base = match words.next()?.to_ascii_lowercase().as_slice() {
+        b"hex" => Base::Hex,
+        b"dec" => Base::Decimal,
+        _ => return None,
+    };
+    let stamps = words.next().is_some_and(|word| word.eq_ignore_ascii_case(b"timestamps"));
+    let relative = stamps && words.next().is_some_and(|word| word.eq_ignore_ascii_case(b"relative"));
+    Some(Header::Base { base, relative })
+}
+
+type Parsed<'a, T> = IResult<&'a [u8], T>;
+
+/// A date, read as UTC: `Sam Sep 30 15:06:13.191 2017`, `Fri May 18 12:14:42 am 2012`.
+fn date(input: &[u8]) -> Option<i64> {
+    let fields = (
+        preceded(space0, word),
+        map_opt(word, month),
+        terminated(number(2), space1),
+        clock,
+        opt(terminated(half_of_day, space1)),
+        terminated(number(4), space0),
+    );
+    let (_, (_, month, day, [hour, minute, second, fraction], half, year)) =
+        all_consuming(fields).parse(input).ok()?;
+    let hour = match half {
+        // Some locales write am or pm behind 24 hours; then it says nothing new.
+        Some(true) if hour < 12 => hour + 12,
+        Some(false) if hour == 12 => 0,
+        _ => hour,
+    };
+    utc([year, month, day, hour, minute, second], fraction)
+}
+
+fn word(input: &[u8]) -> Parsed<'_, &[u8]> {
+    terminated(take_till1(|byte: u8| byte.is_ascii_whitespace()), space1).parse(input)
+}
+
+fn month(word: &[u8]) -> Option<i64> {
+    let word = word.to_ascii_lowercase();
+    MONTHS.iter().find(|(start, _)| word.starts_with(start)).map(|(_, month)| *month)
+}
+
+fn number<'a>(most: usize) -> impl Parser<&'a [u8], Output = i64, Error = nom::error::Error<&'a [u8]>> {
+    verify(digit1, move |digits: &[u8]| digits.len() <= most)
+        .map(|digits: &[u8]| digits.iter().fold(0, |value, digit| value * 10 + i64::from(digit - b'0')))
+}
+
+/// `15:06:13.191`, and the nanoseconds of its fraction.
+fn clock(input: &[u8]) -> Parsed<'_, [i64; 4]> {
+    let (rest, (hour, _, minute, _)) = (number(2), char(':'), number(2), char(':')).parse(input)?;
+    let second = map_opt(word, |text| time(text, SECOND));
+    let (rest, second) = verify(second, |second| *second < 61 * SECOND).parse(rest)?;
+    Ok((rest, [hour, minute, second / SECOND, second % SECOND]))
+}
+
+/// Whether it is the second half.
+fn half_of_day(input: &[u8]) -> Parsed<'_, bool> {
+    let am = tag_no_case("am").map(|_| false);
+    let pm = tag_no_case("pm").map(|_| true);
+    nom::branch::alt((am, pm)).parse(input)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates_in_both_languages_and_both_clocks() {
+        // `date -u -d '2017-09-30 15:06:13.191' +%s%N`
+        let expected = Ok(Header::Date(1_506_783_973_191_000_000));
+        for line in [
+            "date Sam Sep 30 15:06:13.191 2017",
+            "date Sat Sep 30 15:06:13.191 2017",
+            "date Sat Sep 30 03:06:13.191 pm 2017",
+            "Date Samstag September 30 03:06:13.191 PM 2017",
+            "date Sat Sep 30 15:06:13.191 pm 2017",
+        ] {
+            assert_eq!(parse(line.as_bytes()), expected, "{line}");
+        }
+        let midnight = parse(b"date Fri May 18 12:14:42 am 2012");
+        assert_eq!(midnight, Ok(Header::Date(1_337_300_082_000_000_000)));
+        for march in [&b"M\xE4r"[..], b"M\xC3\xA4rz", b"Mrz", b"Mar"] {
+            let line = [b"date Mit ", march, b" 1 00:00:00 2017"].concat();
+            assert_eq!(parse(&line), Ok(Header::Date(1_488_326_400_000_000_000)), "{}", line.escape_ascii());
+        }
+    }
+
+    #[test]
+    fn dates_that_are_none() {
+        for line in
+            ["date Sat Foo 30 15:06:13 2017", "date Sat Feb 30 15:06:13 2017", "date", "date Sat Sep 30"]
+        {
+            assert!(parse(line.as_bytes()).is_err(), "{line}");
+        }
+    }
+
+    #[test]
+    fn base_and_kind_of_times() {
+        let absolute = Header::Base { base: Base::Hex, relative: false };
+        assert_eq!(parse(b"base hex  timestamps absolute"), Ok(absolute));
+        let relative = Header::Base { base: Base::Decimal, relative: true };
+        assert_eq!(parse(b"base dec timestamps relative"), Ok(relative));
+        let bare = Header::Base { base: Base::Hex, relative: false };
+        assert_eq!(parse(b"base hex  no internal events logged"), Ok(bare));
+        assert!(parse(b"base oct").is_err());
+    }
+
+    #[test]
+    fn trigger_blocks_and_silent_lines() {
+        let date = Some(1_506_809_173_191_000_000);
+        let line = b"Begin Triggerblock Sat Sep 30 10:06:13.191 PM 2017";
+        assert_eq!(parse(line), Ok(Header::TriggerBlock(date)));
+        assert_eq!(parse(b"Begin TriggerBlock"), Ok(Header::TriggerBlock(None)));
+        for line in ["no internal events logged", "End TriggerBlock", "// version 9.0.0"] {
+            assert_eq!(parse(line.as_bytes()), Ok(Header::Silent), "{line}");
+        }
+        assert!(parse(b"anything else").is_err());
+    }
+}

@@ -1,0 +1,274 @@
+//! Vector's ASCII captures (ASC), as Vector's programs, python-can and converters write them.
+//!
+//! ```text
+//! date Sam Sep 30 15:06:13.191 2017
+//! base hex  timestamps absolute
+//! internal events logged
+//! Begin Triggerblock Sam Sep 30 15:06:13.191 2017
+//!    0.000000 Start of measurement
+//!   17.876708 1  6F9             Rx   d 8 05 0C 00 00 00 00 00 00  Length = 240015 BitCount = 124 ID = 1785
+//!   30.005021 CANFD   1 Rx        300   1 0 8  8 11 c2 03 04 05 06 07 08   102203  133   303000 …
+//! End TriggerBlock
+//! ```
+//!
+//! No line of the header is needed, and a frame may follow at once: python-can takes the first line that
+//! is none of its header's for a part of it, and loses a frame where `internal events logged` is missing.
+
+mod error;
+mod event;
+mod frame;
+mod header;
+mod write;
+
+use event::Content;
+use header::Header;
+
+use crate::capture::text::columns::Base;
+use crate::capture::text::line_format::{Assumptions, Fault, LineFormat, LineParser, Seen};
+use crate::capture::{Directions, ErrorFrames, Format, Holds, WritableFormat};
+
+/// Lines at the start among which one must be of the header.
+const DETECTING_LINES: usize = 50;
+
+pub(super) const FORMAT: Format = Format {
+    name: "asc",
+    title: Asc::TITLE,
+    is_text: true,
+    detect,
+    parser: |_| Box::new(LineParser::new(Asc::default())),
+};
+
+pub(super) const WRITABLE: WritableFormat = WritableFormat {
+    name: FORMAT.name,
+    suffix: "asc",
+    title: FORMAT.title,
+    holds: Holds {
+        untimed: false,
+        backwards: false,
+        errors: ErrorFrames::Violations,
+        directions: Directions::Assumed,
+        bus_names: false,
+        notices: false,
+        ..Holds::ALL
+    },
+    writer: |output, _| Box::new(write::AscWriter::new(output)),
+};
+
+/// A line of the header, whole: of one still coming in, the end may be anything.
+fn detect(head: &[u8]) -> bool {
+    let head = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head);
+    let whole = memchr::memrchr(b'\n', head).and_then(|end| head.get(..end)).unwrap_or_default();
+    let mut lines = whole.split(|byte| *byte == b'\n').take(DETECTING_LINES).map(<[u8]>::trim_ascii);
+    lines.any(|line| matches!(header::parse(line), Ok(Header::Date(_) | Header::Base { .. })))
+}
+
+/// What ASC says of later lines.
+#[derive(Clone, Default)]
+struct Asc {
+    base: Base,
+    clock: Clock,
+}
+
+/// What times stand for.
+#[derive(Clone, Default)]
+struct Clock {
+    relative: bool,
+    elapsed: i64,
+    start: Option<i64>,
+    /// Date of a further header, while it is open whether times begin anew behind it.
+    again: Option<i64>,
+    /// Date of a block whose `Start of measurement` has not come yet.
+    block: Option<i64>,
+}
+
+impl Clock {
+    /// A header gives the date. Recordings behind one another in a file have one each.
+    fn date(&mut self, date: i64) {
+        if self.relative || self.start.is_none() {
+            (self.start, self.elapsed) = (Some(date), 0);
+        } else {
+            self.again = Some(date);
+        }
+    }
+
+    /// Counts a line with a time: differences are to the line before, whatever it was.
+    fn advance(&mut self, stamp: i64) {
+        if let (Some(date), Some(start)) = (self.again.take(), self.start) {
+            // BUSMASTER repeats the header at each pause, but its times go on. A time that has room for
+            // what lies between the two dates is one of those.
+            let goes_on = stamp >= self.elapsed && stamp >= date.saturating_sub(start);
+            self.start = Some(if goes_on { start } else { date });
+        }
+        self.elapsed = if self.relative { self.elapsed.saturating_add(stamp) } else { stamp };
+    }
+
+    /// The measurement starts here: the date of its block is the zero of the times. A block that a
+    /// trigger began later has no such line; its times go on counting from the header's date.
+    fn start_of_measurement(&mut self) {
+        if let Some(block) = self.block.take() {
+            self.start = Some(block.saturating_sub(self.elapsed));
+        }
+    }
+
+    /// The time of the line counted last.
+    fn now(&self) -> i64 {
+        self.start.or(self.block).unwrap_or(0).saturating_add(self.elapsed)
+    }
+}
+
+impl Asc {
+    fn header(&mut self, text: &[u8], assumptions: &mut Assumptions) -> Result<(), Fault> {
+        const ZONE: &str = "the start date carries no time zone: times read as UTC";
+        match header::parse(text)? {
+            Header::Date(date) => {
+                self.clock.date(date);
+                assumptions.say(ZONE);
+            }
+            Header::TriggerBlock(date) => {
+                self.clock.block = date;
+                if date.is_some() {
+                    assumptions.say(ZONE);
+                }
+            }
+            Header::Base { base, relative } => {
+                self.base = base;
+                self.clock.relative = relative;
+            }
+            Header::Silent => {}
+        }
+        Ok(())
+    }
+}
+
+impl LineFormat for Asc {
+    const TITLE: &'static str = "Vector ASC";
+
+    fn line<'a>(
+        &'a mut self,
+        text: &'a [u8],
+        assumptions: &mut Assumptions,
+    ) -> Result<Option<Seen<'a>>, Fault> {
+        let text = text.trim_ascii();
+        let Some(event) = event::parse(text, self.base) else {
+            return self.header(text, assumptions).map(|()| None);
+        };
+        self.clock.advance(event.stamp);
+        match event.content? {
+            Content::Frame(channel, frame) => {
+                return Ok(Some(Seen::new(Some(self.clock.now()), channel, frame)));
+            }
+            Content::Start => self.clock.start_of_measurement(),
+            Content::Request => assumptions.say("requests to send (TxRq) are not taken for frames"),
+            Content::Foreign => assumptions.say("lines of other bus systems than CAN are passed over"),
+            Content::Nothing => {}
+        }
+        Ok(None)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::capture::{Batch, Notice, Parser};
+
+    fn read(text: &str) -> Batch {
+        let mut batch = Batch::new();
+        assert_eq!(
+            LineParser::new(Asc::default()).parse(text.as_bytes(), true, &mut batch).unwrap(),
+            text.len()
+        );
+        batch
+    }
+
+    fn times(batch: &Batch) -> Vec<String> {
+        batch.frames().iter().map(|frame| frame.time.unwrap().to_string()).collect()
+    }
+
+    const DATE: &str = "date Thu Jan 1 00:01:40 1970\n";
+
+    #[test]
+    fn a_frame_may_follow_the_base_at_once() {
+        let batch = read("base hex  timestamps absolute\n  348.161550 1 123  Rx d 0 \n");
+        assert_eq!(times(&batch), ["348.161550000"]);
+        assert!(batch.notices().is_empty());
+    }
+
+    #[test]
+    fn absolute_times_count_from_the_start_of_the_measurement() {
+        let batch = read(&format!("{DATE}base hex\n 0.5 1 123 Rx d 0\n 0.75 1 123 Rx d 0\n"));
+        assert_eq!(times(&batch), ["100.500000000", "100.750000000"]);
+        assert!(matches!(batch.notices(), [(0, Notice::Assumption(_))]), "{:?}", batch.notices());
+    }
+
+    #[test]
+    fn a_block_with_the_start_of_measurement_dates_it() {
+        let block = "Begin Triggerblock Thu Jan 1 00:05:00 1970\n";
+        let batch = read(&format!("{DATE}{block} 0.0 Start of measurement\n 0.5 1 123 Rx d 0\n"));
+        assert_eq!(times(&batch), ["300.500000000"]);
+        let later = read(&format!("{DATE}{block} 200.5 1 123 Rx d 0\n"));
+        assert_eq!(times(&later), ["300.500000000"]);
+        let alone = read(&format!("base hex\n{block} 0.5 1 123 Rx d 0\n"));
+        assert_eq!(times(&alone), ["300.500000000"]);
+    }
+
+    #[test]
+    fn a_second_header_begins_anew_unless_times_go_on() {
+        let second = "date Thu Jan 1 00:05:00 1970\n";
+        let batch = read(&format!("{DATE} 2.5 1 1 Rx d 0\n{second} 0.5 1 1 Rx d 0\n"));
+        assert_eq!(times(&batch), ["102.500000000", "300.500000000"]);
+        let batch = read(&format!("{DATE} 2.5 1 1 Rx d 0\n{second} 210.5 1 1 Rx d 0\n"));
+        assert_eq!(times(&batch), ["102.500000000", "310.500000000"]);
+    }
+
+    #[test]
+    fn relative_times_add_up_over_every_line_with_a_time() {
+        let text = "base dec  timestamps relative\n 0.1 1 291 Rx d 0\n 0.05 1 Statistic: D 0\n 0.1 what\n 0.05 2 100x Tx d 1 16\n";
+        let batch = read(text);
+        assert_eq!(times(&batch), ["0.100000000", "0.300000000"]);
+        assert_eq!(batch.frames()[1].data(), [16]);
+        let [(1, notice)] = batch.notices() else { panic!("{:?}", batch.notices()) };
+        assert!(notice.to_string().starts_with("line 4: expected a channel number"), "{notice}");
+    }
+
+    #[test]
+    fn other_bus_systems_are_passed_over_and_said_once() {
+        let batch = read(
+            "base hex\n 0.1 Li 3c Tx 1 01\n 0.2 1 123 Rx d 0\n 0.3 ETH 1 Rx 40:FF\n 0.4 L2 3c Rx 1 01\n",
+        );
+        assert_eq!(times(&batch), ["0.200000000"]);
+        let [(0, notice)] = batch.notices() else { panic!("{:?}", batch.notices()) };
+        assert_eq!(notice.to_string(), "lines of other bus systems than CAN are passed over");
+    }
+
+    #[test]
+    fn channels_are_buses() {
+        let mut batch = Batch::new();
+        let mut reader = LineParser::new(Asc::default());
+        reader
+            .parse(b" 0.1 2 1 Rx d 0\n 0.1 CANFD 1 Rx 1 0 0 0 0\n 0.1 2 1 TxRq d 0\n", true, &mut batch)
+            .unwrap();
+        assert_eq!(reader.buses().names(), ["2", "1"]);
+        assert_eq!(batch.notices().len(), 1);
+    }
+
+    #[test]
+    fn captures_are_recognised_by_their_header() {
+        for head in [
+            "date Sam Sep 30 15:06:13.191 2017\n",
+            "\u{FEFF}base hex  timestamps absolute\r\n",
+            "// generated\n\nbase dec\n",
+        ] {
+            assert!(detect(head.as_bytes()), "{head}");
+        }
+        for head in [
+            "",
+            "base hex",
+            "date now\n",
+            "(1.0) can0 123#11\n",
+            ";$FILEVERSION=1.1\n",
+            "// only a comment\n",
+        ] {
+            assert!(!detect(head.as_bytes()), "{head}");
+        }
+    }
+}

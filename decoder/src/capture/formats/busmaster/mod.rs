@@ -1,0 +1,262 @@
+//! BUSMASTER's captures, of CAN and of J1939.
+//!
+//! ```text
+//! ***BUSMASTER Ver 2.4.0***
+//! ***PROTOCOL CAN***                                    or J1939; LIN is passed over
+//! ***[START LOGGING SESSION]***
+//! ***START DATE AND TIME 23:9:2015 22:17:28:928***      day first
+//! ***HEX***                                             or DEC: identifiers and data, never the DLC
+//! ***SYSTEM MODE***                                     or ABSOLUTE, RELATIVE
+//! 22:20:14:9920 Rx 1 0x21A s 8 FE 36 12 FE 69 05 07 AD
+//! ***END DATE AND TIME 23:9:2015 22:20:28:001***
+//! ***[STOP LOGGING SESSION]***                          and perhaps further sessions behind it
+//! ```
+//!
+//! System mode writes the time of day, absolute mode the time since the start, relative mode the time
+//! since the frame before.
+
+mod line;
+
+use line::{Content, DAY};
+
+use crate::capture::Format;
+use crate::capture::calendar::utc;
+use crate::capture::text::columns::{Base, Words};
+use crate::capture::text::line_format::{Assumptions, Fault, LineFormat, LineParser, Seen, first_lines};
+
+/// Time of day may fall back by less than this without the day having ended: frames out of order, or a
+/// clock that was set.
+const HALF_A_DAY: i64 = DAY / 2;
+
+/// What surrounds lines of the header.
+const STARS: &[u8] = b"***";
+
+pub(super) const FORMAT: Format = Format {
+    name: "busmaster",
+    title: BusMaster::TITLE,
+    is_text: true,
+    detect: |head| first_lines(head, 5).next().is_some_and(|line| line.starts_with(b"***BUSMASTER")),
+    parser: |_| Box::new(LineParser::new(BusMaster::default())),
+};
+
+/// What frames stand in a session.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+enum Protocol {
+    #[default]
+    Can,
+    J1939,
+    /// Another bus system's.
+    Foreign,
+}
+
+/// What times stand for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+enum Mode {
+    /// Time of day.
+    #[default]
+    System,
+    /// Time since the session began.
+    Absolute,
+    /// Time since the frame before.
+    Relative,
+}
+
+/// What the header of a session says of its lines.
+#[derive(Clone, Default)]
+struct BusMaster {
+    protocol: Protocol,
+    base: Base,
+    mode: Option<Mode>,
+    /// Nanoseconds since 1970 of the day the session began, and of the session itself since then.
+    day: i64,
+    start: i64,
+    /// Time of day, or time since the start, of the frame before.
+    last: Option<i64>,
+}
+
+impl BusMaster {
+    fn header(&mut self, text: &[u8], assumptions: &mut Assumptions) -> Result<(), Fault> {
+        match text {
+            b"HEX" => self.base = Base::Hex,
+            b"DEC" => self.base = Base::Decimal,
+            b"SYSTEM MODE" => self.mode = Some(Mode::System),
+            b"ABSOLUTE MODE" => self.mode = Some(Mode::Absolute),
+            b"RELATIVE MODE" => self.mode = Some(Mode::Relative),
+            b"PROTOCOL CAN" => self.protocol = Protocol::Can,
+            b"PROTOCOL J1939" => self.protocol = Protocol::J1939,
+            _ if text.starts_with(b"BUSMASTER") => *self = Self::default(),
+            _ if text.starts_with(b"PROTOCOL") => {
+                self.protocol = Protocol::Foreign;
+                assumptions.say("sessions of other bus systems than CAN are passed over");
+            }
+            _ => {
+                if let Some(date) = text.strip_prefix(b"START DATE AND TIME") {
+                    self.started(date)?;
+                    assumptions.say("the start date carries no time zone: times read as UTC");
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// ` 23:9:2015 22:17:28:928`: milliseconds are not padded.
+    fn started(&mut self, text: &[u8]) -> Result<(), Fault> {
+        const DATE: &str = "start date: expected day:month:year hour:minute:second:millisecond";
+        let mut words = Words::new(text);
+        let date = numbers(words.next().unwrap_or_default()).ok_or(DATE)?;
+        let time = numbers(words.next().unwrap_or_default()).ok_or(DATE)?;
+        let ([day, month, year], [hour, minute, second, millisecond]) = (date, time);
+        let nanoseconds = millisecond.saturating_mul(1_000_000);
+        self.day = utc([year, month, day, 0, 0, 0], 0).ok_or(DATE)?;
+        let start = utc([year, month, day, hour, minute, second], nanoseconds).ok_or(DATE)?;
+        self.start = start.saturating_sub(self.day);
+        self.last = None;
+        Ok(())
+    }
+
+    /// The time a stamp stands for.
+    fn time(&mut self, stamp: i64) -> i64 {
+        match self.mode.unwrap_or_default() {
+            Mode::System => {
+                if stamp.saturating_add(HALF_A_DAY) < self.last.unwrap_or(self.start) {
+                    self.day = self.day.saturating_add(DAY);
+                }
+                self.last = Some(stamp);
+                self.day.saturating_add(stamp)
+            }
+            Mode::Absolute => self.day.saturating_add(self.start).saturating_add(stamp),
+            Mode::Relative => {
+                let elapsed = self.last.unwrap_or(0).saturating_add(stamp);
+                self.last = Some(elapsed);
+                self.day.saturating_add(self.start).saturating_add(elapsed)
+            }
+        }
+    }
+}
+
+/// Numbers with colons between them.
+fn numbers<const N: usize>(word: &[u8]) -> Option<[i64; N]> {
+    let mut parts = word.split(|byte| *byte == b':');
+    let mut found = [0; N];
+    for slot in &mut found {
+        *slot = Base::Decimal.number(parts.next()?)?.into();
+    }
+    parts.next().is_none().then_some(found)
+}
+
+impl LineFormat for BusMaster {
+    const TITLE: &'static str = "BUSMASTER";
+
+    fn line<'a>(
+        &'a mut self,
+        text: &'a [u8],
+        assumptions: &mut Assumptions,
+    ) -> Result<Option<Seen<'a>>, Fault> {
+        let text = text.trim_ascii();
+        if let Some(text) = text.strip_prefix(STARS) {
+            let text = text.strip_suffix(STARS).unwrap_or(text).trim_ascii();
+            return self.header(text, assumptions).map(|()| None);
+        }
+        let is_j1939 = match self.protocol {
+            Protocol::Can => false,
+            Protocol::J1939 => true,
+            Protocol::Foreign => return Ok(None),
+        };
+        if self.mode.is_none() {
+            self.mode = Some(Mode::System);
+            assumptions.say("the header does not say what times are: read as the time of day");
+        }
+        let (stamp, content) = line::parse(text, is_j1939, self.base)?;
+        let time = Some(self.time(stamp));
+        match content {
+            Content::Frame(bus, frame) => Ok(Some(Seen::new(time, bus, frame))),
+            Content::Transfer => {
+                assumptions.say(
+                    "J1939 messages of more than 8 bytes, which the recorder put together, are no frames",
+                );
+                Ok(None)
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::capture::testing::read;
+
+    fn session(protocol: &str, modes: &str, lines: &str) -> String {
+        format!(
+            "***BUSMASTER Ver 2.4.0***\r\n***PROTOCOL {protocol}***\n***NOTE: PLEASE DO NOT EDIT THIS DOCUMENT***\n\
+             ***[START LOGGING SESSION]***\n***START DATE AND TIME 2:1:1970 23:59:58:5***\n{modes}\
+             ***CHANNEL 1 - Kvaser - 500000 bps***\n{lines}***END DATE AND TIME ***\n***[STOP LOGGING SESSION]***\n"
+        )
+    }
+
+    fn times(text: &str) -> Vec<String> {
+        read(text.as_bytes()).frames.iter().map(|frame| frame.time.unwrap().to_string()).collect()
+    }
+
+    const LINES: &str = "23:59:59:9999 Rx 1 001 s 0\n00:00:00:0001 Rx 1 001 s 0\n";
+
+    #[test]
+    fn system_mode_is_the_time_of_day_over_midnight() {
+        let text = session("CAN", "***HEX***\n***SYSTEM MODE***\n", LINES);
+        assert_eq!(times(&text), ["172799.999900000", "172800.000100000"]);
+        let text = session("CAN", "***SYSTEM MODE***\n", "00:00:00:0001 Rx 1 001 s 0\n");
+        assert_eq!(times(&text), ["172800.000100000"]);
+    }
+
+    #[test]
+    fn absolute_mode_counts_from_the_start_and_relative_mode_from_the_frame_before() {
+        let lines = "00:00:01:0000 Rx 1 001 s 0\n00:00:01:5000 Rx 1 001 s 0\n";
+        let text = session("CAN", "***HEX***\n***ABSOLUTE MODE***\n", lines);
+        assert_eq!(times(&text), ["172799.005000000", "172799.505000000"]);
+        let text = session("CAN", "***HEX***\n***RELATIVE MODE***\n", lines);
+        assert_eq!(times(&text), ["172799.005000000", "172800.505000000"]);
+    }
+
+    #[test]
+    fn decimal_sessions_and_sessions_without_a_mode() {
+        let text = session("CAN", "***DEC***\n", "10:00:00:0000 Tx 2 291 s 2 16 255\n");
+        let content = read(text.as_bytes());
+        assert_eq!(
+            content.items,
+            [
+                "the start date carries no time zone: times read as UTC",
+                "the header does not say what times are: read as the time of day",
+                "{1} (208800.000000000) bus0 123#10FF flags=20 dlc=0",
+            ]
+        );
+        assert_eq!(content.buses, ["2"]);
+    }
+
+    #[test]
+    fn every_session_has_a_header_of_its_own() {
+        let first = session("CAN", "***DEC***\n***ABSOLUTE MODE***\n", "00:00:01:0000 Rx 1 16 s 0\n");
+        let lin = session("LIN", "***HEX***\n***SYSTEM MODE***\n", "23:59:59:0000 Rx 1 what ever\n");
+        let last = session(
+            "J1939",
+            "***HEX***\n***SYSTEM MODE***\n",
+            "23:59:59:0000 1 1cea2000 0x00EA00 RQST 00  20  007 Tx 3 00 00 00\n",
+        );
+        let content = read([first, lin, last].concat().as_bytes());
+        assert_eq!(
+            content.items,
+            [
+                "the start date carries no time zone: times read as UTC",
+                "{1} (172799.005000000) bus0 010# flags=40 dlc=0",
+                "sessions of other bus systems than CAN are passed over",
+                "{2} (172799.000000000) bus0 1CEA2000#000000 flags=20 dlc=0",
+            ]
+        );
+    }
+
+    #[test]
+    fn a_start_that_is_no_date_is_named() {
+        let content = read(
+            b"***BUSMASTER Ver 1***\n***START DATE AND TIME 30:2:2013 0:0:0:0***\n10:00:00:0000 Rx 1 1 s 0\n",
+        );
+        assert!(content.items[0].starts_with("line 2: start date: expected"), "{:?}", content.items);
+        assert_eq!(content.frames.len(), 1);
+    }
+}

@@ -1,0 +1,386 @@
+//! One line of candump text, in every form can-utils writes it.
+//!
+//! ```text
+//! (1700000000.123456) can0 701#05                      log: -l, -L
+//! (1700000000.123456789) can0 123##1112233 R           nanoseconds, FD, direction
+//!  (000.000000)  can0  RX - -  701   [1]  05   '.'     screen: -t z, -x, -a
+//!   can0  20000004   [8]  00 04 00 00 00 00 00 00   ERRORFRAME
+//! ```
+
+use nom::branch::alt;
+use nom::bytes::complete::{tag, take_while_m_n, take_while1};
+use nom::character::complete::{char, digit1, space1};
+use nom::combinator::opt;
+use nom::sequence::{delimited, terminated};
+use nom::{IResult, Parser};
+
+use super::stamp::{decimal, leading_stamp};
+use crate::capture::text::payload::is_fd_length;
+use crate::frame::{CanId, FrameFlags, MAX_DATA};
+
+/// SocketCAN's mark of an error frame within a 32-bit identifier.
+const ERROR_FLAG: u32 = 0x2000_0000;
+
+/// What a line says.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Line<'a> {
+    /// A frame.
+    Frame(FrameLine<'a>),
+    /// candump -d: the socket of an interface lost this many frames.
+    Dropped { count: u64, bus: &'a [u8] },
+    /// Nothing, and rightly so: blank, comment, marker, detail of an error frame, shell prompt.
+    Nothing,
+}
+
+/// The parts of a frame's line.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct FrameLine<'a> {
+    /// Stamp in nanoseconds, if any.
+    pub(super) stamp: Option<i64>,
+    /// The stamp is a calendar date without time zone (`-t A`).
+    pub(super) is_date: bool,
+    /// A line of a log (`-l`, `-L`), whose stamps are never differences.
+    pub(super) is_log: bool,
+    /// Interface name.
+    pub(super) bus: &'a [u8],
+    pub(super) id: CanId,
+    pub(super) flags: FrameFlags,
+    pub(super) length: u8,
+    pub(super) raw_dlc: u8,
+    pub(super) bytes: [u8; MAX_DATA],
+}
+
+/// Why a line is no frame.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum LineError {
+    /// Not a candump line at all.
+    NotCandump,
+    /// A CAN XL frame: up to 2,048 bytes, not supported.
+    CanXl,
+    /// A frame line with a part that cannot be read.
+    Broken(&'static str),
+}
+
+type Parsed<'a, T> = IResult<&'a [u8], T>;
+
+/// Reads one line without its end.
+pub(super) fn parse(line: &[u8]) -> Result<Line<'_>, LineError> {
+    if is_nothing(line) {
+        return Ok(Line::Nothing);
+    }
+    if let Ok((_, (count, bus))) = drop_count(line) {
+        return Ok(Line::Dropped { count, bus });
+    }
+    let Ok((rest, (stamp, is_date))) = leading_stamp(line) else {
+        return Err(LineError::Broken("time stamp: expected (seconds.fraction) or (date time.fraction)"));
+    };
+    let has_stamp = stamp.is_some();
+    let Ok((rest, bus)) = interface(rest) else {
+        return match (has_stamp, is_prompt(line)) {
+            (true, _) => Err(LineError::Broken("no interface name")),
+            (false, true) => Ok(Line::Nothing),
+            (false, false) => Err(LineError::NotCandump),
+        };
+    };
+    let body = match log_body(rest) {
+        Some(result) => result,
+        None => screen_body(rest),
+    };
+    match body {
+        Ok(body) => Ok(Line::Frame(FrameLine { stamp, is_date, bus, ..body })),
+        Err(LineError::NotCandump) if !has_stamp && is_prompt(line) => Ok(Line::Nothing),
+        Err(LineError::NotCandump) if has_stamp => {
+            Err(LineError::Broken("expected an identifier of 3 or 8 hex digits after the interface"))
+        }
+        Err(error) => Err(error),
+    }
+}
+
+/// `DROPCOUNT: dropped 55 CAN frames on 'vcan0' socket (total drops 55)`
+fn drop_count(line: &[u8]) -> Parsed<'_, (u64, &[u8])> {
+    let (rest, digits) = delimited(tag("DROPCOUNT: dropped "), digit1, tag(" CAN frame")).parse(line)?;
+    let bus = rest.split(|byte| *byte == b'\'').nth(1).unwrap_or_default();
+    Ok((rest, (u64::try_from(decimal(digits)).unwrap_or(0), bus)))
+}
+
+/// The line without the colours of `candump -c`.
+pub(super) fn without_colors(line: &[u8]) -> std::borrow::Cow<'_, [u8]> {
+    const ESCAPE: u8 = 0x1B;
+    let mut parts = line.split(|byte| *byte == ESCAPE);
+    let Some(first) = parts.next().filter(|first| first.len() < line.len()) else { return line.into() };
+    let mut plain = first.to_vec();
+    for part in parts {
+        // `[` parameters letter: a colour; anything else stays as it is.
+        let end = part.iter().position(u8::is_ascii_alphabetic).filter(|_| part.starts_with(b"["));
+        plain.extend_from_slice(end.and_then(|end| part.get(end + 1..)).unwrap_or(part));
+    }
+    plain.into()
+}
+
+fn interface(input: &[u8]) -> Parsed<'_, &[u8]> {
+    terminated(take_while1(|c: u8| !c.is_ascii_whitespace()), space1).parse(input)
+}
+
+fn is_nothing(line: &[u8]) -> bool {
+    match line.iter().find(|byte| !byte.is_ascii_whitespace()) {
+        None | Some(b'#' | b'*' | b';') => true,
+        // candump -e explains an error frame on indented lines of its own.
+        Some(_) => line.first() == Some(&b'\t'),
+    }
+}
+
+/// A command someone typed between two recordings.
+fn is_prompt(line: &[u8]) -> bool {
+    let trimmed = line.trim_ascii();
+    let marks = |mark: &[u8]| memchr::memmem::find(trimmed, mark).is_some();
+    let bare = trimmed.starts_with(b"$ ") || trimmed.starts_with(b"> ") || trimmed.starts_with(b"% ");
+    bare || ((marks(b"@") || marks(b"~") || trimmed.starts_with(b"/"))
+        && (marks(b"$ ")
+            || marks(b"# ")
+            || marks(b"% ")
+            || trimmed.ends_with(b"$")
+            || trimmed.ends_with(b"#")))
+        || trimmed == b"^C"
+}
+
+const EMPTY: FrameLine<'static> = FrameLine {
+    stamp: None,
+    is_date: false,
+    is_log: false,
+    bus: &[],
+    id: CanId::Standard(0),
+    flags: FrameFlags(0),
+    length: 0,
+    raw_dlc: 0,
+    bytes: [0; MAX_DATA],
+};
+
+/// Identifier digits: three make a base identifier, eight an extended one or an error frame.
+fn identifier(digits: &[u8]) -> Option<(CanId, FrameFlags)> {
+    let number =
+        digits.iter().try_fold(0_u32, |value, digit| Some(value << 4 | u32::from(nibble(*digit)?)))?;
+    match digits.len() {
+        3 if number <= 0x7FF => Some((CanId::standard(u16::try_from(number).ok()?), FrameFlags(0))),
+        8 if number < ERROR_FLAG => Some((CanId::extended(number), FrameFlags(0))),
+        8 if number < 2 * ERROR_FLAG => Some((CanId::extended(number), FrameFlags::ERROR)),
+        _ => None,
+    }
+}
+
+fn nibble(digit: u8) -> Option<u8> {
+    char::from(digit).to_digit(16).and_then(|value| u8::try_from(value).ok())
+}
+
+/// `123#1122`, `123#R4`, `123##1…`; `None` if there is no `#` where the log form has it.
+fn log_body(input: &[u8]) -> Option<Result<FrameLine<'static>, LineError>> {
+    let hash = memchr::memchr(b'#', input).filter(|at| (1..=8).contains(at))?;
+    let (digits, rest) = (input.get(..hash)?, input.get(hash + 1..)?);
+    if !digits.iter().all(u8::is_ascii_hexdigit) {
+        return None;
+    }
+    if rest.first().is_some_and(u8::is_ascii_hexdigit) && split_word(rest).0.contains(&b':') {
+        return Some(Err(LineError::CanXl));
+    }
+    let Some((id, flags)) = identifier(digits) else {
+        return Some(Err(LineError::Broken(
+            "identifier: expected 3 hex digits up to 7FF or 8 up to 3FFFFFFF",
+        )));
+    };
+    let (payload, tail) = split_word(rest);
+    let body = FrameLine { id, flags: flags.with(direction(tail)), is_log: true, ..EMPTY };
+    Some(match payload {
+        [b'#', rest @ ..] => fd_payload(rest, body),
+        [b'R' | b'r', rest @ ..] => remote_payload(rest, body),
+        _ => classic_payload(payload, body),
+    })
+}
+
+fn split_word(input: &[u8]) -> (&[u8], &[u8]) {
+    let end = input.iter().position(u8::is_ascii_whitespace).unwrap_or(input.len());
+    (input.get(..end).unwrap_or_default(), input.get(end..).unwrap_or_default())
+}
+
+/// The direction candump -x appends to log lines.
+fn direction(tail: &[u8]) -> FrameFlags {
+    match tail.trim_ascii() {
+        [b'T', ..] => FrameFlags::TRANSMITTED,
+        [b'R', ..] => FrameFlags::RECEIVED,
+        _ => FrameFlags(0),
+    }
+}
+
+fn fd_payload<'a>(rest: &[u8], mut body: FrameLine<'a>) -> Result<FrameLine<'a>, LineError> {
+    let flags = rest.first().copied().and_then(nibble);
+    let (Some(flags), Some(rest)) = (flags, rest.get(1..)) else {
+        return Err(LineError::Broken("FD frame: expected one hex digit of flags after ##"));
+    };
+    body.flags = body.flags.with(FrameFlags::FD);
+    if flags & 1 != 0 {
+        body.flags = body.flags.with(FrameFlags::BIT_RATE_SWITCH);
+    }
+    if flags & 2 != 0 {
+        body.flags = body.flags.with(FrameFlags::ERROR_STATE);
+    }
+    hex_data(rest, MAX_DATA, &mut body)?;
+    if !is_fd_length(body.length) {
+        return Err(LineError::Broken("FD frame: expected 0 to 8, 12, 16, 20, 24, 32, 48 or 64 bytes"));
+    }
+    Ok(body)
+}
+
+fn remote_payload<'a>(rest: &[u8], mut body: FrameLine<'a>) -> Result<FrameLine<'a>, LineError> {
+    body.flags = body.flags.with(FrameFlags::REMOTE);
+    let (digits, raw) = split_raw_dlc(rest)?;
+    body.length = match digits {
+        [] => 0,
+        [digit] => nibble(*digit)
+            .filter(|length| *length <= 8)
+            .ok_or(LineError::Broken("remote frame length: expected 0 to 8"))?,
+        _ => return Err(LineError::Broken("remote frame: expected R or R and a length of 0 to 8")),
+    };
+    body.raw_dlc = raw;
+    Ok(body)
+}
+
+fn classic_payload<'a>(payload: &[u8], mut body: FrameLine<'a>) -> Result<FrameLine<'a>, LineError> {
+    let (data, raw) = split_raw_dlc(payload)?;
+    hex_data(data, 8, &mut body)?;
+    if raw != 0 && body.length != 8 {
+        return Err(LineError::Broken("raw DLC suffix: allowed after 8 data bytes only"));
+    }
+    body.raw_dlc = raw;
+    Ok(body)
+}
+
+/// The suffix `_9` … `_F`: a classic frame whose DLC said more than 8.
+fn split_raw_dlc(payload: &[u8]) -> Result<(&[u8], u8), LineError> {
+    match payload {
+        [data @ .., b'_', digit] => match nibble(*digit) {
+            Some(dlc @ 9..=15) => Ok((data, dlc)),
+            _ => Err(LineError::Broken("raw DLC suffix: expected _9 to _F")),
+        },
+        _ => Ok((payload, 0)),
+    }
+}
+
+/// Hex pairs, dots between them allowed.
+fn hex_data(mut digits: &[u8], limit: usize, body: &mut FrameLine<'_>) -> Result<(), LineError> {
+    let mut length = 0;
+    loop {
+        if let [b'.', rest @ ..] = digits {
+            digits = rest;
+        }
+        let [high, low, rest @ ..] = digits else { break };
+        let (Some(high), Some(low)) = (nibble(*high), nibble(*low)) else {
+            return Err(LineError::Broken("data: expected pairs of hex digits"));
+        };
+        let Some(slot) = body.bytes.get_mut(..limit).and_then(|bytes| bytes.get_mut(length)) else {
+            return Err(LineError::Broken("data: more bytes than the frame can hold"));
+        };
+        *slot = high << 4 | low;
+        length += 1;
+        digits = rest;
+    }
+    if !digits.is_empty() {
+        return Err(LineError::Broken("data: expected pairs of hex digits"));
+    }
+    body.length = u8::try_from(length).unwrap_or(0);
+    Ok(())
+}
+
+/// `[RX - -]  123   [2]  11 22`; brackets hold the length, braces (`-8`) a raw DLC.
+fn screen_body(input: &[u8]) -> Result<FrameLine<'static>, LineError> {
+    let (rest, marks) = opt(direction_marks).parse(input).map_err(|_| LineError::NotCandump)?;
+    let (digits, rest) = split_word(rest);
+    let (id, flags) = identifier(digits).ok_or(LineError::NotCandump)?;
+    let mut body = FrameLine { id, flags: flags.with(marks.unwrap_or_default()), ..EMPTY };
+    if is_xl_length(rest) {
+        return Err(LineError::CanXl);
+    }
+    let (rest, (count, is_fd, raw_dlc)) = bracketed_length(rest).map_err(|_| LineError::NotCandump)?;
+    let limit = if is_fd { MAX_DATA } else { 8 };
+    if is_fd {
+        body.flags = body.flags.with(FrameFlags::FD);
+    }
+    if count > limit {
+        return Err(LineError::Broken("length: more than the frame can hold"));
+    }
+    body.raw_dlc = raw_dlc;
+    body.length = u8::try_from(count).unwrap_or(0);
+    if rest.trim_ascii().starts_with(b"remote request") {
+        body.flags = body.flags.with(FrameFlags::REMOTE);
+        return Ok(body);
+    }
+    screen_data(rest, count, &mut body)?;
+    Ok(body)
+}
+
+/// CAN XL lengths have four digits: `[0007]`.
+fn is_xl_length(rest: &[u8]) -> bool {
+    matches!(rest.trim_ascii_start(), [b'[', a, b, c, d, b']', ..] if [a, b, c, d].iter().all(|digit| digit.is_ascii_digit()))
+}
+
+/// `RX - -` or `TX B E`: direction, bit rate switch, error state.
+fn direction_marks(input: &[u8]) -> Parsed<'_, FrameFlags> {
+    let (rest, (direction, _, switch, _, state, _)) = (
+        alt((tag("RX"), tag("TX"))),
+        space1,
+        alt((char('B'), char('-'))),
+        space1,
+        alt((char('E'), char('-'))),
+        space1,
+    )
+        .parse(input)?;
+    let mut flags = if direction == b"TX" { FrameFlags::TRANSMITTED } else { FrameFlags::RECEIVED };
+    if switch == 'B' {
+        flags = flags.with(FrameFlags::BIT_RATE_SWITCH);
+    }
+    if state == 'E' {
+        flags = flags.with(FrameFlags::ERROR_STATE);
+    }
+    Ok((rest, flags))
+}
+
+fn bracketed_length(input: &[u8]) -> Parsed<'_, (usize, bool, u8)> {
+    let (rest, _) = space1(input)?;
+    let (rest, (open, digits, _)) = (
+        alt((char('['), char('{'))),
+        take_while_m_n(1, 2, |c: u8| c.is_ascii_hexdigit()),
+        alt((char(']'), char('}'))),
+    )
+        .parse(rest)?;
+    let broken = || nom::Err::Error(nom::error::Error::new(input, nom::error::ErrorKind::Digit));
+    if open == '{' {
+        let [digit] = digits else { return Err(broken()) };
+        let dlc = nibble(*digit).ok_or_else(broken)?;
+        return Ok((rest, (usize::from(dlc.min(8)), false, if dlc > 8 { dlc } else { 0 })));
+    }
+    let count = std::str::from_utf8(digits).ok().and_then(|text| text.parse().ok()).ok_or_else(broken)?;
+    Ok((rest, (count, digits.len() == 2, 0)))
+}
+
+/// `count` bytes as hex pairs (or eight binary digits each, `-i`), in reverse behind backticks (`-S`).
+fn screen_data(rest: &[u8], count: usize, body: &mut FrameLine<'_>) -> Result<(), LineError> {
+    const SHORT: LineError = LineError::Broken("data: fewer bytes than the length says");
+    let swapped = rest.trim_ascii_start().get(2).is_some_and(|byte| *byte == b'`')
+        || rest.trim_ascii_start().get(8).is_some_and(|byte| *byte == b'`');
+    let mut words =
+        rest.split(|byte| byte.is_ascii_whitespace() || *byte == b'`').filter(|word| !word.is_empty());
+    for index in 0..count {
+        let value = match words.next() {
+            Some([high, low]) => match (nibble(*high), nibble(*low)) {
+                (Some(high), Some(low)) => high << 4 | low,
+                _ => return Err(SHORT),
+            },
+            Some(bits) if bits.len() == 8 && bits.iter().all(|bit| matches!(bit, b'0' | b'1')) => {
+                bits.iter().fold(0, |value, bit| value << 1 | (bit - b'0'))
+            }
+            _ => return Err(SHORT),
+        };
+        let target = if swapped { count - 1 - index } else { index };
+        if let Some(slot) = body.bytes.get_mut(target) {
+            *slot = value;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,233 @@
+//! candump text: what can-utils writes to logs and to the screen, in all its dialects.
+
+mod fast;
+mod line;
+mod stamp;
+mod time;
+mod write;
+
+use fast::Cache;
+use line::{FrameLine, Line, LineError};
+use time::Clock;
+pub use time::TimeStyle;
+
+use crate::capture::text::lines::{Lines, Step, excerpt};
+use crate::capture::{
+    Batch, BusNames, CaptureError, Format, Holds, LARGEST_RECORD, Notice, Parser, Place, ReadOptions,
+    WritableFormat,
+};
+use crate::frame::Frame;
+
+/// Lines whose stamps decide whether times are differences.
+const DECIDING_LINES: usize = 1_000;
+
+/// Lines at the start among which one must be a frame.
+const DETECTING_LINES: usize = 200;
+
+pub(super) const FORMAT: Format = Format {
+    name: "candump",
+    title: "candump text",
+    is_text: true,
+    detect: |head| {
+        head.split(|byte| matches!(byte, b'\n' | b'\r')).take(DETECTING_LINES).any(|line| {
+            let line = line.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(line);
+            let line = line.strip_suffix(b"\r").unwrap_or(line);
+            matches!(line::parse(&line::without_colors(line)), Ok(Line::Frame(_)) | Err(LineError::CanXl))
+        })
+    },
+    parser: |options| Box::new(Candump::new(options)),
+};
+
+pub(super) const WRITABLE: WritableFormat = WritableFormat {
+    name: FORMAT.name,
+    suffix: "log",
+    title: FORMAT.title,
+    holds: Holds { negative: false, notices: false, comments: false, ..Holds::ALL },
+    writer: |output, _| Box::new(write::CandumpWriter::new(output)),
+};
+
+/// Reader of candump text.
+#[derive(Clone)]
+struct Candump {
+    lines: Lines,
+    clock: Clock,
+    cache: Cache,
+    buses: BusNames,
+    frames: u64,
+    said_date: bool,
+    said_lin: bool,
+    said_xl: bool,
+}
+
+impl Candump {
+    fn new(options: &ReadOptions) -> Self {
+        Self {
+            lines: Lines::default(),
+            clock: Clock::new(options.time_style),
+            cache: Cache::default(),
+            buses: BusNames::default(),
+            frames: 0,
+            said_date: false,
+            said_lin: false,
+            said_xl: false,
+        }
+    }
+
+    /// Common lines in a row; returns the bytes they took.
+    #[inline]
+    fn run(&mut self, input: &[u8], batch: &mut Batch) -> usize {
+        let mut taken = 0;
+        // The rest of a line that is too long is no line, whatever it looks like.
+        if !self.clock.is_absolute() || self.lines.is_skipping() {
+            return 0;
+        }
+        while let Some(window) = input.get(taken..).and_then(|rest| rest.first_chunk()) {
+            let Some(slot) = batch.slot() else { break };
+            let Some(length) = self.cache.parse(window, slot) else { break };
+            self.lines.count_one();
+            self.frames += 1;
+            slot.number = self.frames;
+            batch.commit();
+            taken += length;
+        }
+        taken
+    }
+
+    /// One line the general way.
+    fn line(&mut self, line: &[u8], batch: &mut Batch) {
+        match line::parse(&line::without_colors(line)) {
+            Ok(Line::Nothing) => {}
+            Ok(Line::Dropped { count, bus }) => {
+                let bus = self.buses.index_of(bus).unwrap_or_default();
+                let place = Place::Line(self.lines.number());
+                batch.notice(Notice::LostFrames { place, bus, count: Some(count) });
+            }
+            Ok(Line::Frame(found)) => self.frame(&found, batch),
+            Err(error) => self.unreadable(line, &error, batch),
+        }
+    }
+
+    fn frame(&mut self, found: &FrameLine<'_>, batch: &mut Batch) {
+        let Some(bus) = self.buses.index_of(found.bus) else {
+            let reason = format!("more than {} interfaces", crate::capture::MAX_BUSES);
+            batch.notice(Notice::Unreadable { place: Place::Line(self.lines.number()), reason });
+            return;
+        };
+        self.say_once(found, batch);
+        self.frames += 1;
+        let time = found.stamp.map(|stamp| self.clock.time(stamp));
+        if found.stamp.is_some() {
+            self.cache.learn(found.bus, bus);
+        }
+        batch.push(Frame {
+            number: self.frames,
+            time,
+            bus,
+            id: found.id,
+            flags: found.flags,
+            length: found.length,
+            raw_dlc: found.raw_dlc,
+            bytes: found.bytes,
+        });
+    }
+
+    fn say_once(&mut self, found: &FrameLine<'_>, batch: &mut Batch) {
+        if self.clock.take_guess() {
+            let text = "stamps step back: read as the time since the frame before (candump -t d); --time a reads them as \
+                        they are";
+            batch.notice(Notice::Assumption(text.into()));
+        }
+        if found.is_date && !std::mem::replace(&mut self.said_date, true) {
+            batch.notice(Notice::Assumption("dates carry no time zone: read as UTC".into()));
+        }
+        if found.bus.starts_with(b"lin") && !std::mem::replace(&mut self.said_lin, true) {
+            let text = format!("interface {} looks like LIN: its frames are read as CAN", excerpt(found.bus));
+            batch.notice(Notice::Assumption(text));
+        }
+    }
+
+    fn unreadable(&mut self, line: &[u8], error: &LineError, batch: &mut Batch) {
+        let reason = match error {
+            LineError::CanXl if !std::mem::replace(&mut self.said_xl, true) => {
+                "CAN XL frame: not supported".to_owned()
+            }
+            LineError::CanXl => "CAN XL frame".to_owned(),
+            LineError::Broken(what) => format!("{what}; found {}", excerpt(line)),
+            LineError::NotCandump => format!("no candump line: found {}", excerpt(line)),
+        };
+        batch.notice(Notice::Unreadable { place: Place::Line(self.lines.number()), reason });
+    }
+
+    /// Whether the stamps' meaning is known, or could be found out from the lines ahead.
+    fn is_decided(&mut self, line: &[u8], ahead: &[u8], at_end: bool) -> bool {
+        let plain = line::without_colors(line);
+        let Ok(Line::Frame(FrameLine { stamp: Some(stamp), is_log, .. })) = line::parse(&plain) else {
+            return true;
+        };
+        if is_log || !self.clock.must_decide(stamp) {
+            self.clock.settle();
+            return true;
+        }
+        // The same lines decide however much input there is.
+        let ahead = ahead.get(..LARGEST_RECORD / 2).unwrap_or(ahead);
+        let enough = at_end
+            || ahead.len() >= LARGEST_RECORD / 2
+            || memchr::memchr_iter(b'\n', ahead).nth(DECIDING_LINES).is_some();
+        if !enough {
+            return false;
+        }
+        let stamps =
+            ahead.split(|byte| matches!(byte, b'\n' | b'\r')).take(DECIDING_LINES).filter_map(|line| {
+                match line::parse(&line::without_colors(line.strip_suffix(b"\r").unwrap_or(line))) {
+                    Ok(Line::Frame(found)) => found.stamp,
+                    _ => None,
+                }
+            });
+        self.clock.decide(stamps);
+        true
+    }
+}
+
+impl Parser for Candump {
+    fn parse(&mut self, input: &[u8], at_end: bool, batch: &mut Batch) -> Result<usize, CaptureError> {
+        let mut taken = 0;
+        while !batch.is_full() {
+            let rest = input.get(taken..).unwrap_or_default();
+            let before = taken;
+            taken += self.run(rest, batch);
+            if batch.is_full() {
+                break;
+            }
+            let rest = rest.get(taken - before..).unwrap_or_default();
+            let mut lines = self.lines.clone();
+            match lines.next(rest, at_end) {
+                Step::Line(line, length) => {
+                    if !self.is_decided(line, rest, at_end) {
+                        break;
+                    }
+                    self.lines = lines;
+                    self.line(line, batch);
+                    taken += length;
+                }
+                Step::Skip(length) => {
+                    self.lines = lines;
+                    taken += length;
+                }
+                Step::More => break,
+            }
+        }
+        Ok(taken)
+    }
+
+    fn buses(&self) -> &BusNames {
+        &self.buses
+    }
+
+    fn line(&self) -> Option<u64> {
+        Some(self.lines.number())
+    }
+
+    fn clone_box(&self) -> Box<dyn Parser> {
+        Box::new(self.clone())
+    }
+}

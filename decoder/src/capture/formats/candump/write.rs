@@ -1,0 +1,110 @@
+//! Writes candump's log form: `(1700000000.000000) can0 123#1122`.
+
+use std::io::{self, Write};
+
+use crate::ascii::{push_code, push_digits, push_nine};
+use crate::capture::Notice;
+use crate::capture::text::print::{Kept, push_data};
+use crate::capture::writer::FrameWriter;
+use crate::frame::{CanId, Frame, FrameFlags, Timestamp};
+
+/// Bit of an identifier that says "error frame" (SocketCAN's CAN_ERR_FLAG).
+const ERROR_FLAG: u32 = 0x2000_0000;
+
+const SECOND: i64 = 1_000_000_000;
+
+/// Writer of candump text. Frames without time have lines without a stamp, as `candump` on the screen. Times before
+/// 1970 are written as 0: stamps have no sign.
+pub(super) struct CandumpWriter<W> {
+    output: W,
+    line: Vec<u8>,
+    /// Beginning of a stamp: `(1700000000.`
+    seconds: Kept<i64>,
+    /// Name of a bus as it may stand in a line, and the blank behind it.
+    bus: Kept<String>,
+}
+
+impl<W: Write> CandumpWriter<W> {
+    pub(super) fn new(output: W) -> Self {
+        let (seconds, bus) = (Kept::default(), Kept::default());
+        Self { output, line: Vec::with_capacity(256), seconds, bus }
+    }
+
+    fn stamp(&mut self, time: Timestamp) {
+        let time = time.0.max(0);
+        let (second, fraction) = (time / SECOND, (time % SECOND).unsigned_abs());
+        let begin = self.seconds.text(&second, |text, second| {
+            text.extend_from_slice(format!("({second}.").as_bytes());
+        });
+        self.line.extend_from_slice(begin);
+        if fraction.is_multiple_of(1_000) {
+            push_digits(&mut self.line, fraction / 1_000, 6);
+        } else {
+            push_nine(&mut self.line, fraction);
+        }
+        self.line.extend_from_slice(b") ");
+    }
+
+    fn identifier(&mut self, frame: &Frame) {
+        let is_error = frame.flags.contains(FrameFlags::ERROR);
+        let flag = if is_error { ERROR_FLAG } else { 0 };
+        let is_long = is_error || matches!(frame.id, CanId::Extended(_));
+        push_code(&mut self.line, frame.id.number() | flag, if is_long { 8 } else { 3 });
+    }
+
+    fn payload(&mut self, frame: &Frame) {
+        let (line, flags) = (&mut self.line, frame.flags);
+        let is_fd = flags.contains(FrameFlags::FD);
+        if is_fd {
+            let switched = u8::from(flags.contains(FrameFlags::BIT_RATE_SWITCH));
+            let passive = u8::from(flags.contains(FrameFlags::ERROR_STATE)) << 1;
+            line.extend_from_slice(&[b'#', b'#', b'0' + (switched | passive)]);
+        } else if flags.contains(FrameFlags::REMOTE) {
+            line.extend_from_slice(&[b'#', b'R', b'0' + frame.length.min(8)]);
+        } else {
+            line.push(b'#');
+        }
+        push_data(line, frame);
+        if frame.raw_dlc > 8 && !is_fd {
+            line.extend_from_slice(format!("_{:X}", frame.raw_dlc).as_bytes());
+        }
+    }
+}
+
+/// A name that is one word and cannot be taken for something else: a stamp, or the mark of a line that is no frame.
+fn push_name(line: &mut Vec<u8>, name: &str) {
+    if name.starts_with(['(', '#', '*', ';']) || name.is_empty() {
+        line.push(b'_');
+    }
+    line.extend(name.bytes().map(|byte| if byte.is_ascii_graphic() { byte } else { b'_' }));
+    line.push(b' ');
+}
+
+impl<W: Write + Send> FrameWriter for CandumpWriter<W> {
+    fn write(&mut self, frame: &Frame, bus: &str) -> io::Result<()> {
+        self.line.clear();
+        if let Some(time) = frame.time {
+            self.stamp(time);
+        }
+        let name = self.bus.text(bus, push_name);
+        self.line.extend_from_slice(name);
+        self.identifier(frame);
+        self.payload(frame);
+        let end: &[u8] = match frame.flags {
+            flags if flags.contains(FrameFlags::TRANSMITTED) => b" T\n",
+            flags if flags.contains(FrameFlags::RECEIVED) => b" R\n",
+            _ => b"\n",
+        };
+        self.line.extend_from_slice(end);
+        self.output.write_all(&self.line)
+    }
+
+    /// The log form has frames only; a `DROPCOUNT` line, which candump prints on the screen, stops other readers.
+    fn notice(&mut self, _notice: &Notice, _bus: &str) -> io::Result<bool> {
+        Ok(false)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.output.flush()
+    }
+}

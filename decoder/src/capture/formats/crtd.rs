@@ -1,0 +1,150 @@
+//! CRTD, the text captures of the Open Vehicle Monitoring System (docs.openvehicles.com, "CRTD CAN Log
+//! Format", versions 1.0 to 3.1).
+//!
+//! ```text
+//! 1542473901.020305 CXX OVMS CRTD              comment; CER, CST, CEV, CBC, CMT and others too
+//! 1542473901.020305 1R11 7E8 04 41 0C 00 00    received on bus 1, base identifier
+//! 1542473901.021 2T29 18DAF110 02 01 0C        sent on bus 2, extended identifier
+//! 1542473901.021 R11 7E8 01                    without a number: bus 1
+//! # comment                                    of no version, but in captures
+//! ```
+//!
+//! Times are seconds of UTC, or since the recorder was switched on. There are no remote frames, and
+//! comments on errors and statistics are no frames.
+
+use crate::capture::Format;
+use crate::capture::text::columns::{Words, identifier, time};
+use crate::capture::text::line_format::{
+    Assumptions, Fault, LineFormat, LineParser, ONLY_BUS, Seen, first_lines,
+};
+use crate::capture::text::payload::{IDENTIFIER, frame_of_all, hex};
+use crate::frame::FrameFlags;
+
+/// Nanoseconds of the unit of times.
+const SECOND: i64 = 1_000_000_000;
+
+/// Lines at the start among which one must be a record.
+const DETECTING_LINES: usize = 50;
+
+/// Records that are frames: name, direction, and whether the identifier is extended.
+const RECORDS: &[(&[u8], FrameFlags, bool)] = &[
+    (b"R11", FrameFlags::RECEIVED, false),
+    (b"R29", FrameFlags::RECEIVED, true),
+    (b"T11", FrameFlags::TRANSMITTED, false),
+    (b"T29", FrameFlags::TRANSMITTED, true),
+];
+
+pub(super) const FORMAT: Format = Format {
+    name: "crtd",
+    title: Crtd::TITLE,
+    is_text: true,
+    detect,
+    parser: |_| Box::new(LineParser::new(Crtd)),
+};
+
+/// Its first record is one of these.
+fn detect(head: &[u8]) -> bool {
+    let first = first_lines(head, DETECTING_LINES).find(|line| !line.starts_with(b"#"));
+    first.is_some_and(|line| split(line).is_some_and(|(_, _, record, _)| is_record(record)))
+}
+
+/// A frame, or one of the comments that are known.
+fn is_record(record: &[u8]) -> bool {
+    matches!(record, b"CXX" | b"CER" | b"CST" | b"CEV" | b"CBC" | b"CDP" | b"CMT" | b"CVR")
+        || RECORDS.iter().any(|(name, _, _)| *name == record)
+}
+
+/// Time, bus, name of the record, and the rest.
+fn split(line: &[u8]) -> Option<(i64, &[u8], &[u8], Words<'_>)> {
+    let mut words = Words::new(line);
+    let stamp = words.next().filter(|word| word.contains(&b'.'))?;
+    let record = words.next()?;
+    let digits = record.iter().take_while(|byte| byte.is_ascii_digit()).count();
+    let (bus, record) = record.split_at_checked(digits)?;
+    Some((time(stamp, SECOND)?, if bus.is_empty() { ONLY_BUS } else { bus }, record, words))
+}
+
+/// What CRTD says of later lines: nothing.
+#[derive(Clone)]
+struct Crtd;
+
+impl LineFormat for Crtd {
+    const TITLE: &'static str = "OVMS CRTD";
+
+    fn line<'a>(&'a mut self, text: &'a [u8], _: &mut Assumptions) -> Result<Option<Seen<'a>>, Fault> {
+        let text = text.trim_ascii();
+        if text.starts_with(b"#") {
+            return Ok(None);
+        }
+        let (time, bus, record, mut words) = split(text).ok_or("expected seconds and a record, 1.5 1R11")?;
+        if record.starts_with(b"C") {
+            return Ok(None);
+        }
+        let record = RECORDS.iter().find(|(name, _, _)| *name == record);
+        let (_, flags, extended) =
+            *record.ok_or("record: expected R11, R29, T11, T29 or C and two letters")?;
+        let id = words.next().and_then(hex).and_then(|number| identifier(number, extended));
+        let frame = frame_of_all(id.ok_or(IDENTIFIER)?, flags, words);
+        Ok(Some(Seen::new(Some(time), bus, frame.ok_or("data: expected up to 8 bytes in hex")?)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::capture::testing::read;
+
+    #[test]
+    fn frames_of_both_directions_on_every_bus() {
+        let content = read(
+            b"1542473901.020305 CXX OVMS CRTD\n\
+              # a remark\n\
+              1542473901.020305 1R11 7E8 04 41 0C\r\n\
+              1542473901.021 2T29 18DAF110 02 01 0C \n\
+              1542473901.021 R11 00000123\n",
+        );
+        assert_eq!(
+            content.items,
+            [
+                "{1} (1542473901.020305000) bus0 7E8#04410C flags=40 dlc=0",
+                "{2} (1542473901.021000000) bus1 18DAF110#02010C flags=20 dlc=0",
+                "{3} (1542473901.021000000) bus0 123# flags=40 dlc=0",
+            ]
+        );
+        assert_eq!(content.buses, ["1", "2"]);
+    }
+
+    #[test]
+    fn comments_are_neither_frames_nor_errors() {
+        let content = read(
+            b"169.971289 CXX Info Type:crtd; Vehicle:TSHK;\n\
+              19292.299819 CEV vehicle.alert this is a textual vehicle alert\n\
+              19292.3 2CER TX_Fail T11 123 00 11\n\
+              198923.283738 CST intr=0 rxpkt=0 errflags=0\n\
+              198923.3 1CMT metric\n",
+        );
+        assert_eq!(content.items, [] as [&str; 0]);
+    }
+
+    #[test]
+    fn broken_lines_say_what_was_expected() {
+        let content = read(
+            b"1.0 CXX x\n1.0 R12 123 00\n1.0 R11 800 00\n1.0 R29 20000000\n1.0 R11 123 00 1x\nx R11 1\n1.0 R11 1 0 1 2 3 4 5 6 7 8\n",
+        );
+        let expected = ["record", "identifier", "identifier", "data", "expected seconds", "data"];
+        assert_eq!(content.items.len(), expected.len());
+        for (line, (item, part)) in content.items.iter().zip(expected).enumerate() {
+            assert!(item.starts_with(&format!("line {}: {part}", line + 2)), "{item}");
+        }
+    }
+
+    #[test]
+    fn captures_are_recognised_by_their_first_record() {
+        for head in ["100.602 CXX Info\n", "# x\n\n1705316400.05 3R11 131 00\n", "1.0 R11 131"] {
+            assert!(detect(head.as_bytes()), "{head}");
+        }
+        for head in ["", "100 R11 1", "1.0 1 R11", "1.000 1 123 Rx d 0\n", "hello\n1.0 R11 1\n"] {
+            assert!(!detect(head.as_bytes()), "{head}");
+        }
+    }
+}

@@ -1,0 +1,201 @@
+//! Times and data as programs write them into fields.
+
+use super::dialect::Stamp;
+use crate::capture::text::columns::{Base, time};
+use crate::frame::MAX_DATA;
+
+/// Nanoseconds of a second.
+const SECOND: i64 = 1_000_000_000;
+
+/// Digits of a number that are looked at: what a 128-bit integer has room for.
+const MOST_DIGITS: usize = 30;
+
+/// A time in nanoseconds.
+pub(super) fn stamp(text: &[u8], style: Stamp) -> Option<i64> {
+    match style {
+        Stamp::Seconds => seconds(text),
+        Stamp::Milliseconds => time(text, SECOND / 1_000),
+        Stamp::Microseconds if text.contains(&b'.') => seconds(text),
+        Stamp::Microseconds => seconds(text).map(|nanoseconds| nanoseconds / 1_000_000),
+        Stamp::Clock => clock(text),
+    }
+}
+
+/// Seconds as Python and others print a number: `1700000000.5`, `-0.25`, `1e-05`. What is finer than a
+/// nanosecond is cut.
+fn seconds(text: &[u8]) -> Option<i64> {
+    let (negative, text) = text.strip_prefix(b"-").map_or((false, text), |text| (true, text));
+    let exponent_at = text.iter().position(|byte| matches!(byte, b'e' | b'E'));
+    let (mantissa, exponent) = text.split_at_checked(exponent_at.unwrap_or(text.len()))?;
+    let exponent: i32 = match exponent.get(1..) {
+        Some(digits) => std::str::from_utf8(digits).ok()?.parse().ok()?,
+        None => 0,
+    };
+    let point = mantissa.iter().position(|byte| *byte == b'.');
+    let (whole, fraction) = mantissa.split_at_checked(point.unwrap_or(mantissa.len()))?;
+    let fraction = fraction.get(1..).unwrap_or_default();
+    let is_number = !whole.is_empty()
+        && (point.is_none() || !fraction.is_empty())
+        && whole.len() + fraction.len() <= MOST_DIGITS
+        && whole.iter().chain(fraction).all(u8::is_ascii_digit);
+    if !is_number {
+        return None;
+    }
+    let digits = whole.iter().chain(fraction);
+    let value = digits.fold(0_i128, |value, digit| value * 10 + i128::from(digit - b'0'));
+    let power = exponent.checked_add(9)?.checked_sub(i32::try_from(fraction.len()).ok()?)?;
+    let scale = 10_i128.checked_pow(power.unsigned_abs());
+    let nanoseconds = match scale {
+        Some(scale) if power >= 0 => value.checked_mul(scale)?,
+        Some(scale) => value / scale,
+        None if power < 0 || value == 0 => 0,
+        None => return None,
+    };
+    i64::try_from(if negative { -nanoseconds } else { nanoseconds }).ok()
+}
+
+/// `00:30:06.866`, hours without end.
+fn clock(text: &[u8]) -> Option<i64> {
+    let mut parts = text.splitn(3, |byte| *byte == b':');
+    let mut number = || parts.next().and_then(|part| Base::Decimal.number(part)).map(i64::from);
+    let (hours, minutes) = (number()?, number()?);
+    let minutes = hours.checked_mul(60)?.checked_add(minutes)?;
+    time(parts.next()?, SECOND)?.checked_add(minutes.checked_mul(60 * SECOND)?)
+}
+
+/// Bytes of a frame as they are found.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Bytes {
+    /// The bytes; those behind `count` are 0.
+    pub(super) bytes: [u8; MAX_DATA],
+    /// How many.
+    pub(super) count: usize,
+}
+
+impl Bytes {
+    /// None yet.
+    pub(super) const NONE: Self = Self { bytes: [0; MAX_DATA], count: 0 };
+
+    /// Adds one; `None` if no frame has as many.
+    pub(super) fn push(&mut self, byte: u8) -> Option<()> {
+        *self.bytes.get_mut(self.count)? = byte;
+        self.count += 1;
+        Some(())
+    }
+}
+
+/// Hex with or without blanks, 0x and brackets; `None` if it is anything else, or too long.
+pub(super) fn hex(text: &[u8]) -> Option<Bytes> {
+    let mut found = Bytes::NONE;
+    let text = text.strip_prefix(b"[").and_then(|text| text.strip_suffix(b"]")).unwrap_or(text);
+    for word in text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()) {
+        let word = word.strip_prefix(b"0x").unwrap_or(word);
+        match word {
+            [_] => found.push(Base::Hex.byte(word)?)?,
+            _ if word.len() % 2 == 0 => {
+                for pair in word.chunks_exact(2) {
+                    found.push(Base::Hex.byte(pair)?)?;
+                }
+            }
+            _ => return None,
+        }
+    }
+    Some(found)
+}
+
+/// Decimal bytes with blanks between them.
+pub(super) fn decimal(text: &[u8]) -> Option<Bytes> {
+    let mut found = Bytes::NONE;
+    for word in text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()) {
+        found.push(Base::Decimal.byte(word)?)?;
+    }
+    Some(found)
+}
+
+/// Base64 of RFC 4648, padded or not.
+pub(super) fn base64(text: &[u8]) -> Option<Bytes> {
+    let padding = text.iter().rev().take_while(|byte| **byte == b'=').count();
+    let text = text.get(..text.len().checked_sub(padding)?)?;
+    let mut found = Bytes::NONE;
+    for group in text.chunks(4) {
+        let value = group.iter().try_fold(0_u32, |value, byte| Some(value << 6 | sextet(*byte)?))?;
+        let [_, first, second, third] = (value << (6 * (4 - group.len()))).to_be_bytes();
+        let bytes = [first, second, third];
+        // Two characters hold a byte, three hold two; one alone holds none.
+        for byte in bytes.get(..group.len().checked_sub(1).filter(|count| *count > 0)?)? {
+            found.push(*byte)?;
+        }
+    }
+    (padding <= 2).then_some(found)
+}
+
+fn sextet(byte: u8) -> Option<u32> {
+    let (first, value) = match byte {
+        b'A'..=b'Z' => (b'A', 0),
+        b'a'..=b'z' => (b'a', 26),
+        b'0'..=b'9' => (b'0', 52),
+        b'+' => (b'+', 62),
+        b'/' => (b'/', 63),
+        _ => return None,
+    };
+    Some(u32::from(byte - first) + value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn seconds_in_every_form() {
+        for (text, expected) in [
+            ("1700000000.123456789", 1_700_000_000_123_456_789),
+            ("1483389946.197", 1_483_389_946_197_000_000),
+            ("5", 5_000_000_000),
+            ("-0.25", -250_000_000),
+            ("1e-05", 10_000),
+            ("1.5E+2", 150_000_000_000),
+            ("1e-300", 0),
+            ("0.0000000019", 1),
+            ("0e999", 0),
+        ] {
+            assert_eq!(stamp(text.as_bytes(), Stamp::Seconds), Some(expected), "{text}");
+        }
+        for text in
+            ["", "-", "1.", ".5", "1e", "1e99", "nan", "inf", "1 2", "1e999999999999", "9999999999999"]
+        {
+            assert_eq!(stamp(text.as_bytes(), Stamp::Seconds), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn other_stamps() {
+        assert_eq!(stamp(b"144,500", Stamp::Milliseconds), Some(144_500_000));
+        assert_eq!(stamp(b"166064000", Stamp::Microseconds), Some(166_064_000_000));
+        assert_eq!(stamp(b"166.064", Stamp::Microseconds), Some(166_064_000_000));
+        assert_eq!(stamp(b"00:30:06.866", Stamp::Clock), Some(1_806_866_000_000));
+        assert_eq!(stamp(b"1:0:0,5", Stamp::Clock), Some(3_600_500_000_000));
+        assert_eq!(stamp(b"30:06.866", Stamp::Clock), None);
+    }
+
+    #[test]
+    fn data_in_every_coding() {
+        let bytes = |found: Option<Bytes>| found.map(|found| found.bytes[..found.count].to_vec());
+        for text in ["01A0ff", "01 A0 FF", "[0x01 0xa0 0xff]", "1 a0 FF "] {
+            assert_eq!(bytes(hex(text.as_bytes())), Some(vec![1, 0xA0, 0xFF]), "{text}");
+        }
+        for text in ["0x", "01A", "0g", "[01", &"00".repeat(65)] {
+            assert!(hex(text.as_bytes()).is_none_or(|found| found.count == 0), "{text}");
+        }
+        assert_eq!(bytes(decimal(b" 1 160 255")), Some(vec![1, 160, 255]));
+        assert_eq!(bytes(decimal(b"256")), None);
+        // RFC 4648, 10
+        for (text, expected) in
+            [("", ""), ("Zg==", "f"), ("Zm8=", "fo"), ("Zm9v", "foo"), ("Zm9vYmE=", "fooba")]
+        {
+            assert_eq!(bytes(base64(text.as_bytes())), Some(expected.as_bytes().to_vec()), "{text}");
+        }
+        for text in ["Z", "Zm9vY", "Z*==", "====", "Zg==Zg=="] {
+            assert_eq!(bytes(base64(text.as_bytes())), None, "{text}");
+        }
+    }
+}

@@ -1,0 +1,235 @@
+//! Rows of every program, read by hand from its description.
+
+use super::*;
+use crate::capture::testing::read;
+use crate::frame::{CanId, FrameFlags};
+
+fn items(text: &str) -> Vec<String> {
+    read(text.as_bytes()).items
+}
+
+const OURS: &str = "time,bus,id,extended,remote,error,fd,brs,esi,direction,dlc,length,data\n";
+
+#[test]
+fn our_own_comes_back_as_it_was() {
+    let text = format!(
+        "{OURS}\
+         1700000000.123456789,can0,701,0,0,0,0,0,0,rx,1,1,05\n\
+         -1.500000000,\"can\"\"1\",18FEF100,1,0,0,0,0,0,tx,0,0,\n\
+         ,can0,123,0,1,0,0,0,0,,4,4,\n\
+         0.000000001,can0,00000088,1,0,1,0,0,0,,8,8,0000040200000208\n\
+         0.0,can0,123,0,0,0,1,1,1,,9,12,000102030405060708090A0B\n\
+         0.0,can0,123,0,0,0,0,0,0,,13,8,0001020304050607\n\
+         0.0,can0,123,0,1,0,0,0,0,,15,8,\n"
+    );
+    let content = read(text.as_bytes());
+    assert_eq!(
+        content.items,
+        [
+            "{1} (1700000000.123456789) bus0 701#05 flags=40 dlc=0",
+            "{2} (-1.500000000) bus1 18FEF100# flags=20 dlc=0",
+            "{3} bus0 123#R4 flags=01 dlc=0",
+            "{4} (0.000000001) bus0 00000088#0000040200000208 flags=02 dlc=0",
+            "{5} (0.000000000) bus0 123#000102030405060708090A0B flags=1C dlc=0",
+            "{6} (0.000000000) bus0 123#0001020304050607 flags=00 dlc=13",
+            "{7} (0.000000000) bus0 123#R8 flags=01 dlc=15",
+        ]
+    );
+    assert_eq!(content.buses, ["can0", "can\"1"]);
+}
+
+#[test]
+fn a_comment_is_no_part_of_the_frame() {
+    let header = OURS.replace('\n', ",comment\n");
+    let text = format!(
+        "{header}1.0,can0,701,0,0,0,0,0,0,rx,1,1,05,\"a \"\"b\"\", c\"\n1.0,can0,701,0,0,0,0,0,0,rx,1,1,05,\n"
+    );
+    let content = read(text.as_bytes());
+    assert_eq!(content.frames.len(), 2);
+    assert_eq!(content.frames[0].data(), content.frames[1].data());
+    assert_eq!(content.items.len(), 2);
+}
+
+#[test]
+fn python_can_writes_base64_and_lengths() {
+    let text = "timestamp,arbitration_id,extended,remote,error,dlc,data\n\
+                1483389946.197,0xdadada,1,0,0,6,WzQyLCA5XQ==\n\
+                1e-05,0x123,0,1,0,4,\n\
+                2.0,0x0,0,0,1,0,\n\
+                2.5,0x88,0,0,1,8,AAAEAgAAAgg=\n\
+                3.0,0x7ff,0,0,0,12,AAECAwQFBgcICQoL\n";
+    assert_eq!(
+        items(text),
+        [
+            // b"[42, 9]" is what the documentation of python-can encodes: seven bytes, not the six it says.
+            "line 2: data: expected as many bytes as the length says; found \"1483389946.197,0xdadada,1,0,0,6,WzQyLCA5XQ==\"",
+            "{1} (0.000010000) bus0 123#R4 flags=01 dlc=0",
+            "{2} (2.000000000) bus0 00000088#0000000000000000 flags=02 dlc=0",
+            "{3} (2.500000000) bus0 00000088#0000040200000208 flags=02 dlc=0",
+            "{4} (3.000000000) bus0 7FF#000102030405060708090A0B flags=04 dlc=0",
+        ]
+    );
+}
+
+#[test]
+fn savvycan_of_both_ages_and_generic() {
+    let new =
+        "Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8\n39747828,000005EB,false,Tx,0,2,E8,45,\n";
+    assert_eq!(items(new), ["{1} (39.747828000) bus0 5EB#E845 flags=20 dlc=0"]);
+    let old = "Time Stamp,ID,Extended,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8\n166064000,18FEF100,true,1,1,FF,00,00,00,00,00,00,00,\n";
+    let content = read(old.as_bytes());
+    assert_eq!(content.items, ["{1} (166.064000000) bus0 18FEF100#FF flags=00 dlc=0"]);
+    assert_eq!(content.buses, ["1"]);
+    let generic = "ID,Data Bytes\n0000021A,FE 36 12 \n18FEF100,\n";
+    assert_eq!(
+        items(generic),
+        [
+            "which identifiers are extended is not recorded: those above 7FF are",
+            "{1} bus0 21A#FE3612 flags=00 dlc=0",
+            "{2} bus0 18FEF100# flags=00 dlc=0",
+        ]
+    );
+}
+
+#[test]
+fn css_electronics_with_and_without_the_later_columns() {
+    let text = "TimestampEpoch;BusChannel;ID;IDE;DLC;DataLength;Dir;EDL;BRS;ESI;RTR;DataBytes\n\
+                1670926807.419500;1;7FF;0;1;1;0;0;0;0;0;AA\n\
+                1670926807.419900;2;00000001;1;9;12;1;1;1;1;0;AAAAAAAAAAAAAAAAAAAAAAAA\n\
+                1670926808.000000;1;123;0;8;8;0;0;0;0;1;\n";
+    assert_eq!(
+        items(text),
+        [
+            "{1} (1670926807.419500000) bus0 7FF#AA flags=40 dlc=0",
+            "{2} (1670926807.419900000) bus1 00000001#AAAAAAAAAAAAAAAAAAAAAAAA flags=3C dlc=0",
+            "{3} (1670926808.000000000) bus0 123#R8 flags=41 dlc=0",
+        ]
+    );
+    let early =
+        "TimestampEpoch;BusChannel;ID;IDE;DLC;DataLength;Dir;EDL;BRS;DataBytes\n1.0;1;123;0;0;0;0;1;0;\n";
+    assert_eq!(items(early), ["{1} (1.000000000) bus0 123# flags=44 dlc=0"]);
+}
+
+#[test]
+fn ixxat_behind_its_heading() {
+    let text = "ASCII Trace IXXAT MiniMon V3  Version: 1.1.4.4533\nDate: 5/9/2024\nStart time: 2:37:37 PM\n\
+                Stop time: 2:37:37 PM\nOverruns:          \nBaudrate: 500 kbit/s\n\
+                \"Time\",\"Identifier (hex)\",\"Format\",\"Flags\",\"Data (hex)\"\n\
+                \"00:30:06.866\",\"184\",\"Std\",\"\",\"00 06 00 16\"\n\
+                \"00:30:06.867\",\"18FEF100\",\"Ext\",\"\",\"\"\n\
+                \"00:30:07.000\",\"701\",\"Std\",\"Rtr\",\"Remote request DLC=1\"\n";
+    let expected = [
+        "{1} (1806.866000000) bus0 184#00060016 flags=00 dlc=0",
+        "{2} (1806.867000000) bus0 18FEF100# flags=00 dlc=0",
+        "{3} (1807.000000000) bus0 701#R1 flags=01 dlc=0",
+    ];
+    assert_eq!(items(text), expected);
+    assert_eq!(items(&text.replace("\",\"", "\";\"")), expected);
+}
+
+#[test]
+fn kvaser_in_both_bases() {
+    let header = |base: &str| {
+        format!(
+            "CSV CAN data\nConverted from Kvaser Memorator at,2015-10-12 12:34:56\n\nFormat of data field,{base}\nFormat of id field,{base}\nTimestamp Offset, 0.0,seconds\nTime,Channel,id,Flags,DLC,Data0,Data1,Data2,Data3,Data4,Data5,Data6,Data7,Counter,AbsTime\n"
+        )
+    };
+    let rows = "1.50000,1,291,2,2,16,255,,,,,,,1,x\n";
+    assert_eq!(items(&(header("DEC") + rows)), ["{1} (1.500000000) bus0 123#10FF flags=40 dlc=0"]);
+    let rows = "1.50000,2,18fef100,68,1,0a,,,,,,,,1,x\n1.6,1,,34,,,,,,,,,,2,x\n1.7,1,123,130,0,,,,,,,,,3,x\n1.8,1,123,514,0,,,,,,,,,4,x\n1.9,1,123,3,8,,,,,,,,,5,x\n";
+    assert_eq!(
+        items(&(header("HEX") + rows)),
+        [
+            "{1} (1.500000000) bus0 18FEF100#0A flags=20 dlc=0",
+            "{2} (1.600000000) bus1 00000088#0000000000000000 flags=42 dlc=0",
+            "requests to send are not taken for frames",
+            "line 11: frames lost",
+            "{3} (1.800000000) bus1 123# flags=40 dlc=0",
+            "{4} (1.900000000) bus1 123#R8 flags=41 dlc=0",
+        ]
+    );
+}
+
+#[test]
+fn netronics_with_its_notes_and_key() {
+    let text = "~~~~\nlog - 9:54:22 AM 2/18/2012 - Hexadecimal\n~~~~\n\nTYPE,TIME,ID,D1,D2,D3,D4,D5,D6,D7,D8\r\n\
+                TD11,0,1,\t\t;A note, with a comma\r\nRD11,0.0458,588,0,0,84\r\nTR29,0.5,18FEF100\r\nEF,0.6\r\nBO,0.7\r\n!,0.8\r\nST,0.9\r\n\
+                Key\r\nRD = Receive Data\r\n";
+    assert_eq!(
+        items(text),
+        [
+            "{1} (0.045800000) bus0 588#000084 flags=40 dlc=0",
+            "{2} (0.500000000) bus0 18FEF100#R0 flags=21 dlc=0",
+            "{3} (0.600000000) bus0 00000088#0000000000000000 flags=02 dlc=0",
+            "{4} (0.700000000) bus0 00000040#0000000000000000 flags=02 dlc=0",
+            "line 11: frames lost",
+            "{5} (0.800000000) bus0 00000004#0001000000000000 flags=02 dlc=0",
+        ]
+    );
+}
+
+#[test]
+fn the_decoded_traces_of_canopen_message_interpreter() {
+    let text = "Message Number;Time [ms];ID;DLC;Data Bytes;CANopen;Node;Index;Subindex;Interpretation\r\n\
+                1;144,500;0x0728;1;[0x7f];ERR_CTRL;40;-;-;Heartbeat: Preoperational\r\n\
+                6;234,700;0x070a;1;;ERR_CTRL;10;-;-;Node-Guarding Request (RTR)\r\n\
+                7;235,000;0x0080;0;;SYNC;-;-;-;\r\n";
+    let [_, rows @ ..] = &items(text)[..] else { panic!("nothing") };
+    assert_eq!(
+        rows,
+        [
+            "{1} (0.144500000) bus0 728#7F flags=00 dlc=0",
+            "{2} (0.234700000) bus0 70A#R1 flags=01 dlc=0",
+            "{3} (0.235000000) bus0 080# flags=00 dlc=0",
+        ]
+    );
+}
+
+#[test]
+fn broken_rows_say_what_was_expected_and_a_second_header_is_none() {
+    let row = |fields: &str| format!("1.0,can0,{fields}\n");
+    let text = [
+        OURS,
+        "x,can0,701,0,0,0,0,0,0,rx,1,1,05\n",
+        &row("800,0,0,0,0,0,0,rx,0,0,"),
+        &row("7g1,0,0,0,0,0,0,rx,0,0,"),
+        &row("701,2,0,0,0,0,0,rx,0,0,"),
+        &row("701,0,0,0,0,0,0,up,0,0,"),
+        &row("701,0,0,0,0,0,0,rx,300,0,"),
+        &row("701,0,0,0,0,0,0,rx,2,2,05"),
+        &row("701,0,0,0,0,0,0,rx,1,1,5x"),
+        &row("701,0,0,0,0,0,0,rx,9,9,000000000000000000"),
+        "1.0\n",
+        OURS,
+        &row("701,0,0,0,0,0,0,rx,1,1,05"),
+    ]
+    .concat();
+    let content = read(text.as_bytes());
+    let expected = [
+        "time",
+        "identifier",
+        "identifier",
+        "flag",
+        "direction",
+        "length",
+        "data",
+        "data",
+        "length",
+        "identifier",
+    ];
+    assert_eq!(content.items.len(), expected.len() + 1, "{:?}", content.items);
+    for (index, (item, part)) in content.items.iter().zip(expected).enumerate() {
+        assert!(item.starts_with(&format!("line {}: {part}: ", index + 2)), "{item}");
+    }
+    let [frame] = content.frames[..] else { panic!("one frame") };
+    assert_eq!((frame.id, frame.flags), (CanId::Standard(0x701), FrameFlags::RECEIVED));
+}
+
+#[test]
+fn a_table_without_a_known_header_is_not_recognised() {
+    for head in ["a,b,c\n1,2,3\n", "", "id\n701\n", "(1.0) can0 701#05\n"] {
+        assert!(!(FORMAT.detect)(head.as_bytes()), "{head}");
+    }
+    assert!((FORMAT.detect)(OURS.as_bytes()));
+    assert!((FORMAT.detect)("\u{FEFF}ID,Data Bytes\r\n".as_bytes()));
+}

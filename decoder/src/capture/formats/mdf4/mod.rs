@@ -1,0 +1,184 @@
+//! MDF4: captures of loggers, as ASAM standardised them, with frames as its standard for bus logging has them.
+//!
+//! ```text
+//! identification, 64 bytes         header            groups, channels and data, in any order
+//!  0 "MDF     " or "UnFinMF "       start, link to the first group ─▶ …
+//! 28 version (2)  60 unfinished (2)
+//! ```
+//! [`block`], [`group`] and [`stream`] show how those are built, [`field`] and [`frame`] what is made of them.
+//!
+//! Links may lead anywhere, so all bytes are collected before the first is read; a place in a capture shares
+//! them with all others. Of several groups of frames the frame that is due comes first, of equal times that
+//! of the group described first, and none before an earlier one of its group.
+
+mod block;
+mod field;
+mod frame;
+mod group;
+mod recording;
+mod records;
+mod source;
+mod stream;
+
+use std::sync::Arc;
+
+use block::is_cut_off;
+use frame::Found;
+use recording::{Recording, UNFINISHED};
+use source::Source;
+
+use crate::capture::{Batch, BusNames, CaptureError, Format, MAX_BUSES, Notice, Parser, Place};
+use crate::frame::{Frame, Timestamp};
+
+const TITLE: &str = "ASAM MDF";
+
+const FINISHED: &[u8] = b"MDF     ";
+
+/// Largest capture that is read.
+const LARGEST_CAPTURE: usize = 1024 * 1024 * 1024;
+
+pub(super) const FORMAT: Format = Format {
+    name: "mdf4",
+    title: TITLE,
+    is_text: false,
+    detect: |head| head.starts_with(FINISHED) || head.starts_with(UNFINISHED),
+    parser: |_| Box::new(Mdf4::default()),
+};
+
+/// Reader of MDF4.
+#[derive(Clone, Default)]
+struct Mdf4 {
+    /// All bytes so far.
+    file: Arc<Vec<u8>>,
+    state: State,
+    buses: BusNames,
+    frames: u64,
+}
+
+#[derive(Clone, Default)]
+enum State {
+    #[default]
+    Collecting,
+    Reading(Reading),
+    Ended,
+}
+
+#[derive(Clone)]
+struct Reading {
+    start: i64,
+    sources: Vec<Source>,
+    /// What is said before the first frame, the last first.
+    notices: Vec<Notice>,
+    others: u64,
+    names: Vec<Vec<u8>>,
+}
+
+impl Mdf4 {
+    fn collect(&mut self, input: &[u8]) -> Result<usize, CaptureError> {
+        if self.file.len().saturating_add(input.len()) > LARGEST_CAPTURE {
+            return Err(CaptureError::Header {
+                format: TITLE,
+                offset: LARGEST_CAPTURE as u64,
+                found: "more than 1 GiB".into(),
+                expected: "less: cut the capture into parts, or convert it to BLF, which is read piece by piece",
+            });
+        }
+        Arc::make_mut(&mut self.file).extend_from_slice(input);
+        Ok(input.len())
+    }
+}
+
+impl Reading {
+    fn open(file: &[u8]) -> Result<Self, CaptureError> {
+        let Recording { start, is_local, sources, damages, others, names } = Recording::open(file)?;
+        let said = |(at, reason)| {
+            let place = Place::Offset(at);
+            if is_cut_off(file, at) {
+                Notice::CutOff { place, reason }
+            } else {
+                Notice::Unreadable { place, reason }
+            }
+        };
+        let mut notices: Vec<_> = damages.into_iter().map(said).collect();
+        if is_local {
+            let text = "the start date carries no time zone: times read as UTC";
+            notices.insert(0, Notice::Assumption(text.into()));
+        }
+        notices.reverse();
+        Ok(Self { start, sources, notices, others, names })
+    }
+
+    /// Frames and notices until the batch is full; `false` at the end.
+    fn read(&mut self, file: &[u8], frames: &mut u64, buses: &mut BusNames, batch: &mut Batch) -> bool {
+        while !batch.is_full() {
+            if let Some(notice) = self.notices.pop() {
+                batch.notice(notice);
+                continue;
+            }
+            if let Some(source) = self.sources.iter_mut().find(|source| source.is_behind()) {
+                source.step(file, batch);
+                continue;
+            }
+            // The first of equals.
+            let due = self.sources.iter_mut().filter_map(|source| Some((source.due()?, source)));
+            let next = due.min_by_key(|(due, _)| *due).and_then(|(_, source)| source.take());
+            let Some((time, found)) = next else { return false };
+            deliver(time.map(|time| Timestamp(self.start).plus(time)), found, frames, buses, batch);
+        }
+        true
+    }
+
+    /// Says once what was passed over.
+    fn end(&self, batch: &mut Batch) {
+        let others = self.sources.iter().map(Source::others).fold(self.others, u64::saturating_add);
+        let names =
+            self.names.iter().map(|name| String::from_utf8_lossy(name)).collect::<Vec<_>>().join(", ");
+        if self.sources.is_empty() {
+            let text = format!("no group holds CAN frames by the standard for bus logging; found {names}");
+            batch.notice(Notice::Assumption(text.trim_end_matches("; found ").into()));
+        } else if others > 0 {
+            let text = format!("{others} records of groups without CAN frames are passed over ({names})");
+            batch.notice(Notice::Assumption(text));
+        }
+    }
+}
+
+fn deliver(time: Option<Timestamp>, found: Found, frames: &mut u64, buses: &mut BusNames, batch: &mut Batch) {
+    let name = found.channel.map_or_else(|| "can".into(), |channel| channel.to_string());
+    let Some(bus) = buses.index_of(name.as_bytes()) else {
+        let reason = format!("channel {name}: more than {MAX_BUSES} channels");
+        batch.notice(Notice::Unreadable { place: Place::Offset(0), reason });
+        return;
+    };
+    *frames += 1;
+    batch.push(Frame { number: *frames, time, bus, ..found.frame });
+}
+
+impl Parser for Mdf4 {
+    fn parse(&mut self, input: &[u8], at_end: bool, batch: &mut Batch) -> Result<usize, CaptureError> {
+        if !input.is_empty() {
+            return self.collect(input);
+        }
+        if at_end && matches!(self.state, State::Collecting) && !self.file.is_empty() {
+            self.state = State::Reading(Reading::open(&self.file)?);
+        }
+        if let State::Reading(reading) = &mut self.state
+            && !reading.read(&self.file, &mut self.frames, &mut self.buses, batch)
+        {
+            reading.end(batch);
+            self.state = State::Ended;
+        }
+        Ok(0)
+    }
+
+    fn buses(&self) -> &BusNames {
+        &self.buses
+    }
+
+    fn clone_box(&self) -> Box<dyn Parser> {
+        Box::new(self.clone())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,213 @@
+//! pcap: the classic capture of tcpdump, Wireshark and python-can.
+//!
+//! ```text
+//! header, 24 bytes                              packet, 16 bytes and its data
+//!  0 magic (4): byte order and resolution        0 seconds since 1970 (4)
+//!  4 version (2 + 2)  8 time zone (4)            4 fraction (4): microseconds or nanoseconds
+//! 12 accuracy (4)    16 longest packet (4)       8 bytes captured (4)
+//! 20 link type (4): upper half about checksums  12 bytes on the wire (4)
+//! ```
+//! Magic 0xA1B2C3D4 is microseconds, 0xA1B23C4D nanoseconds, either in both byte orders.
+//!
+//! `pcap-file` reads the header. Packets are read here: nothing of them is worth refusing a packet for
+//! (a longest packet of 0, a fraction of a second or more, fewer bytes on the wire than captured).
+
+use pcap_file::pcap::{PcapHeader, PcapParseError, PcapTsResolution};
+
+use crate::capture::byte_order::ByteOrder;
+use crate::capture::link::{Channel, Head, Link, Output, common};
+use crate::capture::{Batch, BusNames, CaptureError, Format, LARGEST_RECORD, Notice, Parser, Place};
+use crate::frame::{FrameFlags, Timestamp};
+
+const TITLE: &str = "pcap";
+const HEADER: usize = 24;
+const PACKET_HEADER: usize = 16;
+/// Bytes of a packet that the common path looks at.
+const COMMON: usize = 16;
+/// Largest packet that is looked at.
+const LARGEST_PACKET: usize = LARGEST_RECORD - PACKET_HEADER;
+
+pub(super) const FORMAT: Format = Format {
+    name: "pcap",
+    title: TITLE,
+    is_text: false,
+    detect: |head| {
+        matches!(
+            head.first_chunk().map(|magic| u32::from_be_bytes(*magic)),
+            Some(0xA1B2_C3D4 | 0xD4C3_B2A1 | 0xA1B2_3C4D | 0x4D3C_B2A1)
+        )
+    },
+    parser: |_| Box::new(Pcap::default()),
+};
+
+/// What the header says.
+#[derive(Debug, Clone, Copy)]
+struct Header {
+    order: ByteOrder,
+    nanoseconds_per_tick: i64,
+}
+
+/// Reader of pcap.
+#[derive(Clone, Default)]
+struct Pcap {
+    header: Option<(Header, Channel)>,
+    /// Bytes taken so far.
+    offset: u64,
+    /// Bytes still to pass over.
+    skip: u64,
+    frames: u64,
+    buses: BusNames,
+    has_ended: bool,
+}
+
+impl Header {
+    fn time(self, seconds: u32, fraction: u32) -> Timestamp {
+        let seconds = i64::from(seconds).saturating_mul(1_000_000_000);
+        Timestamp(seconds.saturating_add(i64::from(fraction).saturating_mul(self.nanoseconds_per_tick)))
+    }
+}
+
+impl Pcap {
+    /// Common packets in a row; returns the bytes they took.
+    #[inline]
+    fn run<const BIG: bool>(&mut self, input: &[u8], batch: &mut Batch) -> usize {
+        let Some((header, channel)) = &self.header else { return 0 };
+        let Some((bus, order)) = channel.usual() else { return 0 };
+        let mut taken = 0;
+        while let Some(window) =
+            input.get(taken..).and_then(<[u8]>::first_chunk::<{ PACKET_HEADER + COMMON }>)
+        {
+            let ([seconds, fraction, captured, _, ..], []) = window.as_chunks::<4>() else { break };
+            let number =
+                |bytes: &[u8; 4]| if BIG { u32::from_be_bytes(*bytes) } else { u32::from_le_bytes(*bytes) };
+            let captured = number(captured);
+            let (Some(packet), Some(slot)) = (window.last_chunk(), batch.slot()) else { break };
+            if !common(packet, captured, order, slot) {
+                break;
+            }
+            self.frames += 1;
+            slot.number = self.frames;
+            slot.time = Some(header.time(number(seconds), number(fraction)));
+            slot.bus = bus;
+            batch.commit();
+            taken += PACKET_HEADER + captured as usize;
+        }
+        taken
+    }
+
+    /// The header; returns the bytes it took.
+    fn header(&mut self, input: &[u8], at_end: bool) -> Result<usize, CaptureError> {
+        match PcapHeader::from_slice(input) {
+            Ok((_, header)) => {
+                let order = if header.endianness.is_big() { ByteOrder::Big } else { ByteOrder::Little };
+                let is_nano = header.ts_resolution == PcapTsResolution::NanoSecond;
+                let header_of_packets =
+                    Header { order, nanoseconds_per_tick: if is_nano { 1 } else { 1_000 } };
+                let channel = Channel::new(Link::new(header.datalink.into()), order, None, 0);
+                self.header = Some((header_of_packets, channel));
+                Ok(HEADER)
+            }
+            Err(PcapParseError::IncompleteBuffer(..)) if !at_end => Ok(0),
+            Err(error) => Err(CaptureError::Header {
+                format: TITLE,
+                offset: self.offset,
+                found: format!("{} bytes ({error})", input.len().min(HEADER)),
+                expected: "a header of 24 bytes",
+            }),
+        }
+    }
+
+    /// One packet of any kind; returns the bytes it took.
+    fn packet(&mut self, offset: u64, rest: &[u8], at_end: bool, batch: &mut Batch) -> usize {
+        let Some((header, channel)) = &mut self.header else { return 0 };
+        let place = Place::Offset(offset);
+        let order = header.order;
+        let numbers = (order.u32(rest, 0), order.u32(rest, 4), order.u32(rest, 8), order.u32(rest, 12));
+        let (Some(seconds), Some(fraction), Some(captured), Some(_)) = numbers else {
+            return cut_off(rest, PACKET_HEADER as u64, place, at_end, batch);
+        };
+        let whole = u64::from(captured).saturating_add(PACKET_HEADER as u64);
+        let length = usize::try_from(captured).unwrap_or(usize::MAX);
+        if length > LARGEST_PACKET {
+            if channel.may_hold_can() {
+                let reason = format!("packet of {captured} bytes: too long for a CAN frame");
+                batch.notice(Notice::Unreadable { place, reason });
+            } else {
+                channel.skip();
+            }
+            self.skip = u64::from(captured);
+            return PACKET_HEADER;
+        }
+        let Some(packet) = rest.get(PACKET_HEADER..).and_then(|data| data.get(..length)) else {
+            return cut_off(rest, whole, place, at_end, batch);
+        };
+        let head = Head { time: Some(header.time(seconds, fraction)), flags: FrameFlags::default(), place };
+        let mut out = Output { batch, frames: &mut self.frames, buses: &mut self.buses };
+        channel.packet(packet, head, &mut out);
+        PACKET_HEADER.saturating_add(length)
+    }
+
+    fn end(&mut self, batch: &mut Batch) {
+        if std::mem::replace(&mut self.has_ended, true) {
+            return;
+        }
+        if self.skip > 0 {
+            let reason = format!("the capture ends inside a packet: {} bytes are missing", self.skip);
+            batch.notice(Notice::CutOff { place: Place::Offset(self.offset), reason });
+        }
+        if let Some(notice) = self.header.as_ref().and_then(|(_, channel)| channel.summary()) {
+            batch.notice(notice);
+        }
+    }
+}
+
+/// Takes the rest of a capture that ends too early, or asks for more.
+fn cut_off(rest: &[u8], whole: u64, place: Place, at_end: bool, batch: &mut Batch) -> usize {
+    if !at_end || rest.is_empty() {
+        return 0;
+    }
+    let reason = format!("the capture ends inside a packet: found {} of {whole} bytes", rest.len());
+    batch.notice(Notice::CutOff { place, reason });
+    rest.len()
+}
+
+impl Parser for Pcap {
+    fn parse(&mut self, input: &[u8], at_end: bool, batch: &mut Batch) -> Result<usize, CaptureError> {
+        let mut taken = usize::try_from(self.skip).unwrap_or(usize::MAX).min(input.len());
+        self.skip -= taken as u64;
+        let start = self.offset;
+        if self.header.is_none() {
+            taken = self.header(input, at_end)?;
+        }
+        while self.skip == 0 && !batch.is_full() {
+            let rest = input.get(taken..).unwrap_or_default();
+            let is_big = self.header.as_ref().is_some_and(|(header, _)| header.order == ByteOrder::Big);
+            let common = if is_big { self.run::<true>(rest, batch) } else { self.run::<false>(rest, batch) };
+            taken += common;
+            if batch.is_full() {
+                break;
+            }
+            let rest = rest.get(common..).unwrap_or_default();
+            match self.packet(start.saturating_add(taken as u64), rest, at_end, batch) {
+                0 => break,
+                length => taken += length,
+            }
+        }
+        self.offset = self.offset.saturating_add(taken as u64);
+        if at_end && taken == input.len() && !batch.is_full() {
+            self.end(batch);
+        }
+        Ok(taken)
+    }
+
+    fn buses(&self) -> &BusNames {
+        &self.buses
+    }
+
+    fn clone_box(&self) -> Box<dyn Parser> {
+        Box::new(self.clone())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,213 @@
+//! PEAK-System's trace files, versions 1.0 to 1.3 and 2.x.
+//!
+//! ```text
+//! ;$FILEVERSION=2.1                          from 1.1 on
+//! ;$STARTTIME=44548.6028595139               days since 1899-12-30, local time
+//! ;$COLUMNS=N,O,T,B,I,d,R,L,D                from 2.0 on
+//! ;   any comment
+//!       1     17535.400 DT 1  00000100 Tx -  8    00 00 00 00 00 00 00 00
+//! ```
+//!
+//! The states of the bus that PEAK records in lines of their own are delivered as error frames, which is
+//! what SocketCAN makes of them.
+
+mod line;
+mod write;
+
+use line::{FrameLine, LAYOUTS, Line};
+
+use crate::capture::text::columns::{Words, windows_date};
+use crate::capture::text::line_format::{Assumptions, Fault, LineFormat, LineParser, Seen};
+use crate::capture::text::lines::excerpt;
+use crate::capture::{Directions, ErrorFrames, Format, Holds, WritableFormat};
+
+/// Comment lines that a heading may have before the first frame.
+const DETECTING_LINES: usize = 200;
+
+/// Columns of a line that are looked at; version 2.1 has nine.
+const MOST_COLUMNS: usize = 16;
+
+pub(super) const FORMAT: Format = Format {
+    name: "trc",
+    title: Trc::TITLE,
+    is_text: true,
+    detect,
+    parser: |_| Box::new(LineParser::new(Trc::new())),
+};
+
+pub(super) const WRITABLE: WritableFormat = WritableFormat {
+    name: FORMAT.name,
+    suffix: "trc",
+    title: FORMAT.title,
+    holds: Holds {
+        resolution: write::MICROSECOND,
+        untimed: false,
+        backwards: false,
+        errors: ErrorFrames::Reports,
+        directions: Directions::Assumed,
+        bus_names: false,
+        notices: false,
+        ..Holds::ALL
+    },
+    writer: |output, _| Box::new(write::TrcWriter::new(output)),
+};
+
+/// A version line, or comments and then a line of version 1.0. PEAK's LIN traces begin alike, but have
+/// a checksum column.
+fn detect(head: &[u8]) -> bool {
+    let head = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head);
+    let lines = head.split(|byte| *byte == b'\n').take(DETECTING_LINES).map(<[u8]>::trim_ascii);
+    let (mut commented, mut versioned) = (false, false);
+    for text in lines.filter(|text| !text.is_empty()) {
+        if !text.starts_with(b";") {
+            let numbered = Words::new(text).next().is_some_and(|word| word.ends_with(b")"));
+            let oldest = || commented && numbered && line::parse(oldest_layout(), text).is_ok();
+            return versioned || oldest();
+        }
+        if memchr::memmem::find(text, b"Checksum Type").is_some() {
+            return false;
+        }
+        commented = true;
+        versioned |= text.starts_with(b";$FILEVERSION=");
+    }
+    versioned
+}
+
+fn oldest_layout() -> &'static [u8] {
+    LAYOUTS.first().map_or(b"", |(_, layout)| layout)
+}
+
+/// What PEAK traces say of later lines.
+#[derive(Clone)]
+struct Trc {
+    layout: Vec<u8>,
+    start: i64,
+}
+
+impl Trc {
+    fn new() -> Self {
+        Self { layout: oldest_layout().to_vec(), start: 0 }
+    }
+
+    /// Comments are free text but for three keywords.
+    fn comment(&mut self, comment: &[u8], assumptions: &mut Assumptions) -> Result<(), Fault> {
+        if let Some(version) = comment.strip_prefix(b"$FILEVERSION=") {
+            return self.version(version.trim_ascii());
+        }
+        if let Some(columns) = comment.strip_prefix(b"$COLUMNS=") {
+            let columns = columns.split(|byte| *byte == b',').take(MOST_COLUMNS);
+            self.layout = columns.filter_map(|column| column.trim_ascii().first().copied()).collect();
+        }
+        if let Some(days) = comment.strip_prefix(b"$STARTTIME=") {
+            self.start = windows_date(days.trim_ascii_end())
+                .ok_or("start time: expected days since 1899-12-30, 44548.6028595139")?;
+            assumptions.say("the start time carries no time zone: times read as UTC");
+        }
+        Ok(())
+    }
+
+    fn version(&mut self, version: &[u8]) -> Result<(), Fault> {
+        let known = LAYOUTS.iter().find(|(known, _)| known.as_bytes() == version);
+        // From 2.0 on the columns are named, so that a later version can be read too.
+        let later = || LAYOUTS.last().filter(|_| version.starts_with(b"2."));
+        let Some((_, layout)) = known.or_else(later) else {
+            return Err(Fault::Header {
+                found: format!("file version {}", excerpt(version)),
+                expected: "1.0, 1.1, 1.2, 1.3 or 2.x",
+            });
+        };
+        self.layout = layout.to_vec();
+        Ok(())
+    }
+}
+
+impl LineFormat for Trc {
+    const TITLE: &'static str = "PEAK TRC";
+
+    fn line<'a>(
+        &'a mut self,
+        text: &'a [u8],
+        assumptions: &mut Assumptions,
+    ) -> Result<Option<Seen<'a>>, Fault> {
+        let text = text.trim_ascii();
+        if let Some(comment) = text.strip_prefix(b";") {
+            return self.comment(comment, assumptions).map(|()| None);
+        }
+        let FrameLine { offset, bus, frame, lost } = match line::parse(&self.layout, text)? {
+            Line::Nothing => return Ok(None),
+            Line::Frame(found) => found,
+        };
+        Ok(Some(Seen { time: Some(self.start.saturating_add(offset)), bus, frame, lost }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::capture::{Batch, CaptureError, Notice, Parser};
+    use crate::frame::Timestamp;
+
+    fn read(text: &str) -> Result<Batch, CaptureError> {
+        let mut batch = Batch::new();
+        assert_eq!(LineParser::new(Trc::new()).parse(text.as_bytes(), true, &mut batch)?, text.len());
+        Ok(batch)
+    }
+
+    #[test]
+    fn times_count_from_the_start_time() {
+        let batch =
+            read(";$FILEVERSION=1.1\r\n;$STARTTIME=25569.5\r\n;\r\n 1) 144.5 Rx 0728 1 7F \r\n").unwrap();
+        let [frame] = batch.frames() else { panic!("{:?}", batch.frames()) };
+        assert_eq!(frame.time, Some(Timestamp(43_200_144_500_000)));
+        assert_eq!(frame.number, 1);
+        assert!(matches!(batch.notices(), [(0, Notice::Assumption(_))]), "{:?}", batch.notices());
+    }
+
+    #[test]
+    fn without_a_start_time_they_count_from_zero_and_nothing_is_assumed() {
+        let batch = read(";##\n;  Start time: 18.12.2021 14:28:07.062\n 1) 17535 0100 1 7F\n").unwrap();
+        assert_eq!(batch.frames()[0].time, Some(Timestamp(17_535_000_000)));
+        assert!(batch.notices().is_empty());
+    }
+
+    #[test]
+    fn the_columns_line_decides() {
+        let text = ";$FILEVERSION=2.2\n;$COLUMNS=O,I,d,T,l,D\n1.5 0181 Rx DT 2 AA BB\n";
+        let batch = read(text).unwrap();
+        assert_eq!(batch.frames()[0].data(), [0xAA, 0xBB]);
+    }
+
+    #[test]
+    fn an_unreadable_line_is_named_and_the_next_is_read() {
+        let text = ";$FILEVERSION=1.1\n 1) 1.0 Rx 0728 9 7F\n 2) 2.0 Warng FFFFFFFF 4 00 00 00 02\n";
+        let batch = read(text).unwrap();
+        assert_eq!(batch.frames().len(), 1);
+        let [(0, bad), (0, lost)] = batch.notices() else { panic!("{:?}", batch.notices()) };
+        assert_eq!(
+            bad.to_string(),
+            "line 2: data: fewer bytes than the length says; found \"1) 1.0 Rx 0728 9 7F\""
+        );
+        assert_eq!(lost.to_string(), "line 3: frames lost");
+    }
+
+    #[test]
+    fn an_unknown_version_is_refused_with_its_place() {
+        let error = read(";\n;$FILEVERSION=3.0\n").err().unwrap().to_string();
+        assert_eq!(error, "PEAK TRC: byte 2: found file version \"3.0\", expected 1.0, 1.1, 1.2, 1.3 or 2.x");
+    }
+
+    #[test]
+    fn peak_traces_are_recognised_and_others_are_not() {
+        assert!(detect(b"\xEF\xBB\xBF;$FILEVERSION=1.1\r\n"));
+        assert!(detect(b";###\r\n;  C:\\x.trc\r\n;\r\n     1)      1841      0001  1  00\r\n"));
+        for other in [
+            &b";$FILEVERSION=1.1\n;  |  +Checksum Type\n 1) 756186 Sub 02 2 -- -- 00 EH SR/TO\n"[..],
+            b"@ TEXT @ 2 @ 64 @ 0 @ 55 @ 10078 @ 00:00:10.078 @\n46,016\t1\t0004\t45A\t8\t5A",
+            b"; a comment\n(1.0) can0 123#11\n",
+            b"     1)      1841      0001  1  00\r\n",
+            b"",
+        ] {
+            assert!(!detect(other), "{}", other.escape_ascii());
+        }
+    }
+}

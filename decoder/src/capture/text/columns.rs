@@ -1,0 +1,183 @@
+//! Fields of captures in columns: words between blanks, and the numbers in them.
+
+use nom::character::complete::{digit1, one_of};
+use nom::combinator::{all_consuming, opt};
+use nom::sequence::preceded;
+use nom::{IResult, Parser};
+
+use crate::frame::{CanId, MAX_DATA};
+
+/// Days from 1899-12-30, where the dates of Windows programs begin, to 1970-01-01.
+pub(in crate::capture) const DAYS_BEFORE_1970: i128 = 25_569;
+
+/// Nanoseconds of a day.
+pub(in crate::capture) const DAY: i128 = 86_400 * 1_000_000_000;
+
+/// Words of a line, blanks and tabs between them.
+#[derive(Debug, Clone, Default)]
+pub(in crate::capture) struct Words<'a> {
+    rest: &'a [u8],
+}
+
+impl<'a> Words<'a> {
+    /// The words of `line`.
+    pub(in crate::capture) fn new(line: &'a [u8]) -> Self {
+        Self { rest: line }
+    }
+
+    /// What follows the words taken so far.
+    pub(in crate::capture) fn rest(&self) -> &'a [u8] {
+        self.rest
+    }
+
+    /// The next word, left in place.
+    pub(in crate::capture) fn peek(&self) -> Option<&'a [u8]> {
+        self.clone().next()
+    }
+}
+
+impl<'a> Iterator for Words<'a> {
+    type Item = &'a [u8];
+
+    #[inline]
+    fn next(&mut self) -> Option<&'a [u8]> {
+        let rest = self.rest.trim_ascii_start();
+        let end = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
+        let (word, rest) = rest.split_at_checked(end)?;
+        self.rest = rest;
+        (!word.is_empty()).then_some(word)
+    }
+}
+
+/// In which digits identifiers and data are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(in crate::capture) enum Base {
+    /// Hexadecimal, without 0x.
+    #[default]
+    Hex,
+    /// Decimal.
+    Decimal,
+}
+
+impl Base {
+    /// The number `word` is, all of it.
+    #[inline]
+    pub(in crate::capture) fn number(self, word: &[u8]) -> Option<u32> {
+        let radix: u32 = match self {
+            Self::Hex => 16,
+            Self::Decimal => 10,
+        };
+        if word.is_empty() {
+            return None;
+        }
+        word.iter().try_fold(0_u32, |value, digit| {
+            value.checked_mul(radix)?.checked_add(char::from(*digit).to_digit(radix)?)
+        })
+    }
+
+    /// The byte `word` is.
+    pub(in crate::capture) fn byte(self, word: &[u8]) -> Option<u8> {
+        self.number(word).and_then(|value| u8::try_from(value).ok())
+    }
+}
+
+/// The first `count` words as bytes; `None` if there are fewer.
+pub(in crate::capture) fn data<'a>(
+    mut words: impl Iterator<Item = &'a [u8]>,
+    count: usize,
+    base: Base,
+) -> Option<[u8; MAX_DATA]> {
+    let mut bytes = [0; MAX_DATA];
+    for slot in bytes.get_mut(..count)? {
+        *slot = base.byte(words.next()?)?;
+    }
+    Some(bytes)
+}
+
+/// An identifier of one kind; `None` if it is too large for it.
+pub(in crate::capture) fn identifier(number: u32, extended: bool) -> Option<CanId> {
+    match number {
+        0..=0x7FF if !extended => Some(CanId::standard(u16::try_from(number).ok()?)),
+        0..=0x1FFF_FFFF if extended => Some(CanId::extended(number)),
+        _ => None,
+    }
+}
+
+/// `digits[.digits]` in units of `unit` nanoseconds, as nanoseconds; what is finer is cut.
+fn fixed_point(input: &[u8], unit: i128) -> IResult<&[u8], i128> {
+    let (rest, (whole, fraction)) =
+        all_consuming((digit1, opt(preceded(one_of(".,"), digit1)))).parse(input)?;
+    let too_long = || nom::Err::Error(nom::error::Error::new(input, nom::error::ErrorKind::TooLarge));
+    let number = |digits: &[u8]| {
+        (digits.len() <= 18)
+            .then(|| digits.iter().fold(0_i128, |value, digit| value * 10 + i128::from(digit - b'0')))
+    };
+    let whole = number(whole).ok_or_else(too_long)?;
+    let fraction: &[u8] = fraction.unwrap_or_default();
+    // 18 digits of a day are far below a nanosecond.
+    let fraction = fraction.get(..18).unwrap_or(fraction);
+    let parts = number(fraction).ok_or_else(too_long)?;
+    let scale = 10_i128.pow(u32::try_from(fraction.len()).unwrap_or(18));
+    Ok((rest, whole * unit + parts * unit / scale))
+}
+
+/// A time in units of `unit` nanoseconds, `1234.5`, as nanoseconds.
+pub(in crate::capture) fn time(word: &[u8], unit: i64) -> Option<i64> {
+    let (_, nanoseconds) = fixed_point(word, unit.into()).ok()?;
+    i64::try_from(nanoseconds).ok()
+}
+
+/// Days since 1899-12-30, read as UTC, as nanoseconds since 1970.
+///
+/// The digits are taken as an integer: a double has no room for microseconds beside the date.
+pub(in crate::capture) fn windows_date(word: &[u8]) -> Option<i64> {
+    let (_, nanoseconds) = fixed_point(word, DAY).ok()?;
+    i64::try_from(nanoseconds - DAYS_BEFORE_1970 * DAY).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_are_cut_at_blanks_and_tabs() {
+        let mut words = Words::new(b"  1)\t 12.5 Rx  ");
+        assert_eq!(words.peek(), Some(&b"1)"[..]));
+        assert_eq!(words.by_ref().take(2).collect::<Vec<_>>(), [&b"1)"[..], b"12.5"]);
+        assert_eq!(words.rest(), b" Rx  ");
+        assert_eq!(words.next(), Some(&b"Rx"[..]));
+        assert_eq!(words.next(), None);
+    }
+
+    #[test]
+    fn times_keep_every_digit() {
+        assert_eq!(time(b"17535.4", 1_000_000), Some(17_535_400_000));
+        assert_eq!(time(b"0.200", 1_000_000), Some(200_000));
+        assert_eq!(time(b"17535", 1_000_000), Some(17_535_000_000));
+        assert_eq!(time(b"30.806898123", 1_000_000_000), Some(30_806_898_123));
+        for bad in ["", ".5", "1.", "1.5x", "-1", "9999999999999999999"] {
+            assert_eq!(time(bad.as_bytes(), 1_000_000), None, "{bad}");
+        }
+    }
+
+    #[test]
+    fn windows_dates_count_from_1970() {
+        assert_eq!(windows_date(b"25569"), Some(0));
+        assert_eq!(windows_date(b"25569.5"), Some(43_200_000_000_000));
+        // `date -u -d '2021-12-18 14:28:07.062' +%s.%N`; ten digits of a day are 8.64 µs.
+        let found = windows_date(b"44548.6028595139").unwrap();
+        assert!((found - 1_639_837_687_062_000_000).abs() < 10_000, "{found}");
+        assert_eq!(windows_date(b"43008.920986006946"), Some(1_506_809_173_191_000_134));
+    }
+
+    #[test]
+    fn bytes_in_both_bases() {
+        assert_eq!(Base::Hex.byte(b"fF"), Some(255));
+        assert_eq!(Base::Decimal.byte(b"255"), Some(255));
+        assert_eq!(Base::Decimal.byte(b"256"), None);
+        assert_eq!(Base::Decimal.byte(b"1A"), None);
+        assert_eq!(Base::Hex.number(b"1FFFFFFFF"), None);
+        assert_eq!(data(Words::new(b"01 02"), 3, Base::Hex), None);
+        assert_eq!(data(Words::new(b"01 02"), 65, Base::Hex), None);
+    }
+}

@@ -1,0 +1,162 @@
+//! Parts of lines of text captures: payload, numbers of buses, and texts that come from outside.
+
+use crate::ascii::{push_hex, push_hex_word, push_spaced_hex, push_spaced_word};
+use crate::frame::Frame;
+
+/// Bytes of a classic frame.
+const CLASSIC: usize = 8;
+
+/// Appends payload in pairs of hexadecimal digits; a remote frame has none.
+#[inline]
+pub(in crate::capture) fn push_data(line: &mut Vec<u8>, frame: &Frame) {
+    let data = frame.data();
+    match frame.bytes.first_chunk() {
+        Some(bytes) if data.len() <= CLASSIC => push_hex_word(line, *bytes, data.len()),
+        _ => push_hex(line, data),
+    }
+}
+
+/// Appends payload in pairs of hexadecimal digits with a blank before each; a remote frame has none.
+#[inline]
+pub(in crate::capture) fn push_spaced_data(line: &mut Vec<u8>, frame: &Frame) {
+    let data = frame.data();
+    match frame.bytes.first_chunk() {
+        Some(bytes) if data.len() <= CLASSIC => push_spaced_word(line, *bytes, data.len()),
+        _ => push_spaced_hex(line, data),
+    }
+}
+
+/// A text that is made anew only when what it stands for changes.
+#[derive(Debug)]
+pub(in crate::capture) struct Kept<K> {
+    of: Option<K>,
+    text: Vec<u8>,
+}
+
+impl<K> Default for Kept<K> {
+    fn default() -> Self {
+        Self { of: None, text: Vec::new() }
+    }
+}
+
+impl<K: PartialEq> Kept<K> {
+    /// The text of `of`.
+    #[inline]
+    pub(in crate::capture) fn text<Q>(&mut self, of: &Q, make: impl FnOnce(&mut Vec<u8>, &Q)) -> &[u8]
+    where
+        K: std::borrow::Borrow<Q>,
+        Q: PartialEq + ToOwned<Owned = K> + ?Sized,
+    {
+        if self.of.as_ref().is_none_or(|known| known.borrow() != of) {
+            self.of = Some(of.to_owned());
+            self.text.clear();
+            make(&mut self.text, of);
+        }
+        &self.text
+    }
+}
+
+/// Numbers of buses, from 1 in order of appearance, for formats without names.
+#[derive(Debug, Default)]
+pub(in crate::capture) struct Numbering {
+    names: Vec<String>,
+    last: usize,
+}
+
+impl Numbering {
+    /// The number of a bus, and whether it is new.
+    #[inline]
+    pub(in crate::capture) fn number(&mut self, bus: &str) -> (usize, bool) {
+        if self.names.get(self.last).is_some_and(|name| name == bus) {
+            return (self.last + 1, false);
+        }
+        let known = self.names.iter().position(|name| name == bus);
+        self.last = known.unwrap_or(self.names.len());
+        if known.is_none() {
+            self.names.push(bus.to_owned());
+        }
+        (self.last + 1, known.is_none())
+    }
+}
+
+/// Appends a text of lines, each behind a mark: what steers terminals is shown instead.
+pub(in crate::capture) fn push_lines(out: &mut Vec<u8>, mark: &str, text: &str, end: &str) {
+    for line in text.lines() {
+        out.extend_from_slice(mark.as_bytes());
+        push_escaped(out, line);
+        out.extend_from_slice(end.as_bytes());
+    }
+}
+
+/// Appends a text with control characters, and marks that reorder text, as escapes.
+pub(in crate::capture) fn push_escaped(out: &mut Vec<u8>, text: &str) {
+    for part in text.split_inclusive(steers) {
+        let mut plain = part.chars();
+        match plain.next_back() {
+            Some(last) if steers(last) => {
+                out.extend_from_slice(plain.as_str().as_bytes());
+                out.extend_from_slice(last.escape_default().to_string().as_bytes());
+            }
+            _ => out.extend_from_slice(part.as_bytes()),
+        }
+    }
+}
+
+/// Control characters, and Unicode's bidirectional formatting.
+fn steers(c: char) -> bool {
+    c.is_control() || matches!(c, '\u{200E}' | '\u{200F}' | '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}')
+}
+
+/// The beginning of a text of at most `limit` bytes, cut between characters.
+pub(in crate::capture) fn cut(text: &str, limit: usize) -> &str {
+    text.get(..text.floor_char_boundary(limit)).unwrap_or(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::{CanId, FrameFlags};
+
+    fn made(make: impl FnOnce(&mut Vec<u8>)) -> String {
+        let mut line = Vec::new();
+        make(&mut line);
+        String::from_utf8(line).unwrap()
+    }
+
+    #[test]
+    fn payload_of_every_length() {
+        let mut frame = Frame::data_frame(CanId::standard(1), &[0x0A, 0xFF, 3, 4, 5, 6, 7, 8, 9]);
+        assert_eq!(made(|line| push_data(line, &frame)), "0AFF03040506070809");
+        frame.length = 2;
+        assert_eq!(made(|line| push_spaced_data(line, &frame)), " 0A FF");
+        frame.flags = FrameFlags::REMOTE;
+        assert_eq!(made(|line| push_data(line, &frame)), "");
+        let long = Frame { length: 255, ..Frame::EMPTY };
+        assert_eq!(made(|line| push_data(line, &long)).len(), 128);
+    }
+
+    #[test]
+    fn texts_are_made_once() {
+        let mut kept = Kept::<i64>::default();
+        assert_eq!(kept.text(&5, |text, _| text.push(b'a')), b"a");
+        assert_eq!(kept.text(&5, |text, _| text.push(b'b')), b"a");
+        assert_eq!(kept.text(&6, |text, _| text.push(b'c')), b"c");
+    }
+
+    #[test]
+    fn buses_count_from_one() {
+        let mut buses = Numbering::default();
+        let found = ["b", "a", "a", "b"].map(|name| buses.number(name));
+        assert_eq!(found, [(1, true), (2, true), (2, false), (1, false)]);
+    }
+
+    #[test]
+    fn texts_from_outside_stay_in_their_line() {
+        let text = "one\r\n\x1b[2J\rtwo\n\u{202e}é";
+        assert_eq!(
+            made(|line| push_lines(line, "// ", text, "\n")),
+            "// one\n// \\u{1b}[2J\\rtwo\n// \\u{202e}é\n"
+        );
+        assert_eq!((cut("aé", 2), cut("aé", 3), cut("a", 9)), ("a", "aé", "a"));
+    }
+}

@@ -1,0 +1,157 @@
+//! Two devices send on one identifier.
+
+use crate::event::{Event, EventKind, Pdo};
+use crate::finding::{About, Severity};
+use crate::profile::{PdoDirection, PdoName};
+use crate::rules::context::traffic::PdoSlot;
+use crate::rules::declaration::{declare_rule, tolerance};
+use crate::rules::general::facts::{identifier, sure};
+use crate::rules::{Context, Rule, Setup};
+use crate::wire::NodeId;
+
+declare_rule! {
+    /// # What it checks
+    /// One PDO identifier has two producers. Either two nodes are configured to send on it (18xx:01 of both, valid),
+    /// which is an error; or its frames come in two phases of one period in turn, with two contents in turn, or two
+    /// lengths, for many periods, which makes a second producer likely. Frames in a burst are one producer's.
+    ///
+    /// # Why it matters
+    /// Two nodes that send the same identifier at the same time destroy each other's frames, error frames until
+    /// one is off the bus; before that happens consumers follow two masters in turn.
+    ///
+    /// # Source
+    /// CiA 301 §7.2.2.1 (one producer a PDO), ISO 11898-1 (identifiers are unique in arbitration)
+    ///
+    /// # What to look at first
+    /// COB-IDs in 1800 and up of all nodes; a node-ID set twice; an identifier of the application in a PLC.
+    ///
+    /// # Mutation
+    /// insert a second series of a periodic PDO, half a period later, with other data
+    "duplicate-producer", Warning, "two devices send on one identifier",
+    kinds: ["pdo", "sdo-transfer"],
+    is_timing: true,
+    word: "TWICE",
+    tolerances: &[
+        tolerance("periods", 20.0, "", "in turn before it is said"),
+        tolerance("longest-ms", 200.0, "ms", "of a period: slower turns may be events"),
+    ],
+}
+
+/// The last PDOs of an identifier.
+#[derive(Clone, Copy, Default)]
+struct Turns {
+    /// Content and length, the last one first.
+    contents: [(u64, u8); 2],
+    /// Intervals, the last one first.
+    intervals: [i64; 2],
+    /// How many in a row fit.
+    count: u32,
+    judged: u32,
+}
+
+struct DuplicateProducer {
+    periods: u32,
+    longest: i64,
+    turns: Vec<Turns>,
+}
+
+fn new(setup: &Setup) -> DuplicateProducer {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+    let periods = setup.tolerance(&DECLARATION, "periods") as u32;
+    let longest = setup.nanoseconds(&DECLARATION, "longest-ms");
+    DuplicateProducer { periods: periods.max(1), longest, turns: Vec::new() }
+}
+
+impl Turns {
+    /// Takes the next one; whether it goes on with two in turn.
+    #[inline]
+    fn take(&mut self, content: (u64, u8), interval: i64, longest: i64) -> bool {
+        let [last, before] = self.contents;
+        let [interval_last, interval_before] = self.intervals;
+        self.contents = [content, last];
+        self.intervals = [interval, interval_last];
+        if content == last || content != before {
+            return false;
+        }
+        let period = interval.saturating_add(interval_last);
+        let shorter = interval.min(interval_last);
+        // Two phases, none of them a burst, each as it was a period ago.
+        period <= longest
+            && shorter >= period / 10
+            && shorter < period / 5 * 2
+            && interval.abs_diff(interval_before) < period.unsigned_abs() / 20
+    }
+}
+
+impl DuplicateProducer {
+    #[inline]
+    fn pdo(&mut self, event: &Event, pdo: &Pdo, slot: &PdoSlot, context: &mut Context<'_>) {
+        let Some(turns) = self.turns.get_mut(slot.place) else {
+            return self.turns.resize(slot.place + 1, Turns::default());
+        };
+        let goes_on = turns.take((pdo.word(), pdo.length), slot.interval.unwrap_or(0), self.longest);
+        turns.count = if goes_on { turns.count + 1 } else { 0 };
+        turns.judged += 1;
+        if turns.count >= 2 * self.periods {
+            turns.count = 0;
+            turns.judged = 0;
+            let [one, other] = turns.intervals.map(|interval| interval / 100_000);
+            let alarm = context.fail(event).about(About::Id(pdo.cob_id));
+            alarm.say(|| {
+                let (name, count) = (pdo.name, 2 * self.periods);
+                format!(
+                    "{name}: two series in turn, {}.{} ms and {}.{} ms apart with two contents, {count} frames long: \
+                     a second producer is likely",
+                    one / 10, one % 10, other / 10, other % 10
+                )
+            });
+        } else if turns.judged >= 4 * self.periods {
+            turns.judged = 0;
+            context.pass();
+        }
+    }
+
+    /// A COB-ID was written or read.
+    #[cold]
+    fn configured(event: &Event, name: PdoName, cob_id: u64, context: &mut Context<'_>) {
+        let Some(id) = identifier(cob_id) else { return };
+        let other = context.bus.nodes().find_map(|node| {
+            let other = node.id();
+            (1..=4).find_map(|number| {
+                let pdo = PdoName { direction: PdoDirection::Transmit, number };
+                let cob_id = sure(node, pdo.communication_index(), 1)?;
+                let is_same = identifier(cob_id) == Some(id) && Some(other) != event.node;
+                is_same.then_some((other, pdo))
+            })
+        });
+        let Some((other, pdo)) = other else { return context.pass() };
+        let alarm = context.fail(event).about(About::Id(id)).severity(Severity::Error);
+        alarm.say(|| format!("{name} has the identifier of {pdo} of {}", NodeId::words(other)));
+    }
+}
+
+impl Rule for DuplicateProducer {
+    #[inline]
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        match &event.kind {
+            EventKind::Pdo(pdo) if !pdo.is_request => {
+                if let Some(slot) = context.traffic.current() {
+                    self.pdo(event, pdo, slot, context);
+                }
+            }
+            EventKind::SdoTransfer(transfer) => {
+                let name = transfer.object.filter(|object| object.sub == 1);
+                let name = name.and_then(|object| {
+                    PdoName::of_parameter(object.index)
+                        .filter(|name| name.communication_index() == object.index)
+                });
+                let is_sent = name.filter(|name| name.direction == PdoDirection::Transmit);
+                if let (Some(name), Some(cob_id)) = (is_sent, crate::rules::general::facts::number(transfer))
+                {
+                    Self::configured(event, name, cob_id, context);
+                }
+            }
+            _ => {}
+        }
+    }
+}

@@ -1,0 +1,161 @@
+//! Several commands come between two SYNCs, of which one acts.
+
+use crate::event::{Event, EventKind, FrameRange, Pdo};
+use crate::finding::{About, Severity};
+use crate::profile::PdoName;
+use crate::profile::device::PdoEffect;
+use crate::rules::declaration::{declare_rule, tolerance};
+use crate::rules::{BySlot, Context, Rule, Setup};
+use crate::session::{Bus, Node};
+use crate::wire::NodeId;
+
+declare_rule! {
+    /// # What it checks
+    /// More than one RPDO of one identifier comes between two SYNCs, and the device's manual says that this RPDO waits
+    /// for SYNC: only the last one acts.
+    ///
+    /// # Why it matters
+    /// The others are lost; a device may take it for an overflow.
+    ///
+    /// # Source
+    /// Which RPDO waits for SYNC: the device's manual; CiA 301 §7.2.2.2 (synchronous PDOs)
+    ///
+    /// # What to look at first
+    /// Whether the controller sends SYNC and commands in the same cycle.
+    ///
+    /// # Mutation
+    /// send the RPDO three times between two SYNCs
+    "commands-per-sync", Warning, "several commands come between two SYNCs, of which one acts",
+    kinds: ["rpdo", "sync", "node-identified", "node-id-change"],
+    word: "SYNC",
+    tolerances: &[
+        tolerance("note-count", 1.0, "", "RPDOs of one identifier between two SYNCs, more are a note"),
+        tolerance("warning-count", 2.0, "", "RPDOs of one identifier between two SYNCs, more are a warning"),
+    ],
+}
+
+/// SYNCs further apart than this have stopped: then other rules say so, in nanoseconds.
+const ALIVE: i64 = 1_000_000_000;
+
+/// An RPDO by its place in [`crate::rules::Traffic`].
+#[derive(Default)]
+struct Commands {
+    /// Whether it waits for SYNC, once that was looked up.
+    waits: Option<bool>,
+    of: Option<(NodeId, PdoName)>,
+    count: u32,
+    frames: FrameRange,
+}
+
+struct CommandsPerSync {
+    note: f64,
+    warning: f64,
+    commands: BySlot<Commands>,
+    /// Places of those that wait.
+    waiting: Vec<usize>,
+    last: Option<i64>,
+    /// Whether any device has an RPDO that waits for SYNC.
+    may_wait: bool,
+}
+
+fn new(setup: &Setup) -> CommandsPerSync {
+    CommandsPerSync {
+        note: setup.tolerance(&DECLARATION, "note-count"),
+        warning: setup.tolerance(&DECLARATION, "warning-count"),
+        commands: BySlot::default(),
+        waiting: Vec::new(),
+        last: None,
+        may_wait: true,
+    }
+}
+
+impl CommandsPerSync {
+    #[inline]
+    fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &Context<'_>) {
+        let Some(slot) = context.traffic.current() else { return };
+        let Some(commands) = self.commands.of(slot) else { return };
+        match commands.waits {
+            Some(false) => {}
+            Some(true) => commands.take(event.frames.last),
+            None => self.look_up(event, pdo, slot.place, context),
+        }
+    }
+
+    #[cold]
+    fn look_up(&mut self, event: &Event, pdo: &Pdo, place: usize, context: &Context<'_>) {
+        let (Some(commands), Some(id)) = (self.commands.get_mut(place), event.node) else { return };
+        let device = context.node(event).map(Node::device);
+        let spec = device.and_then(|device| device.pdos.iter().find(|spec| spec.pdo == pdo.name));
+        let waits = spec.is_some_and(|spec| spec.effect == PdoEffect::AtSync);
+        commands.waits = Some(waits);
+        if waits {
+            commands.of = Some((id, pdo.name));
+            commands.take(event.frames.last);
+            self.waiting.push(place);
+        }
+    }
+
+    fn sync(&mut self, event: &Event, context: &mut Context<'_>) {
+        let before = self.last.replace(context.now);
+        let is_alive = before.is_some_and(|before| context.now.saturating_sub(before) <= ALIVE);
+        for place in &self.waiting {
+            let Some(commands) = self.commands.get_mut(*place) else { continue };
+            let (count, frames) = (std::mem::take(&mut commands.count), commands.frames);
+            let (Some((node, name)), true, 1..) = (commands.of, is_alive, count) else { continue };
+            if f64::from(count) <= self.note {
+                context.pass();
+                continue;
+            }
+            let severity = if f64::from(count) > self.warning { Severity::Warning } else { Severity::Note };
+            let alarm = context.fail(event).node(Some(node)).about(About::Name(name.to_string().into()));
+            let alarm = alarm.severity(severity).measure(f64::from(count)).frames(frames);
+            alarm.say(|| format!("{name} {count} times between two SYNCs; the last one acts"));
+        }
+    }
+
+    fn forget(&mut self) {
+        self.waiting.clear();
+        self.commands.clear();
+    }
+}
+
+/// Whether any device has an RPDO that waits for SYNC.
+fn may_wait(bus: &Bus) -> bool {
+    let waits = |node: &Node| node.device().pdos.iter().any(|spec| spec.effect == PdoEffect::AtSync);
+    bus.nodes().any(waits)
+}
+
+impl Commands {
+    fn take(&mut self, frame: u64) {
+        if self.count == 0 {
+            self.frames.first = frame;
+        }
+        self.frames.last = frame;
+        self.count = self.count.saturating_add(1);
+    }
+}
+
+impl Rule for CommandsPerSync {
+    fn begin(&mut self, context: &mut Context<'_>) {
+        self.may_wait = may_wait(context.bus);
+    }
+
+    fn wants_pdos(&self) -> bool {
+        self.may_wait
+    }
+
+    #[inline]
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        match &event.kind {
+            EventKind::Pdo(pdo) => self.pdo(event, pdo, context),
+            EventKind::Sync { .. } => self.sync(event, context),
+            // Another device, other PDOs.
+            EventKind::NodeIdentified(_) => {
+                self.forget();
+                self.may_wait = may_wait(context.bus);
+            }
+            EventKind::NodeIdChange { .. } => self.may_wait = may_wait(context.bus),
+            _ => {}
+        }
+    }
+}

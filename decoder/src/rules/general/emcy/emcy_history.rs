@@ -1,0 +1,80 @@
+//! The error history.
+
+use crate::event::{Direction, EmcyAction, Event, EventKind};
+use crate::finding::About;
+use crate::rules::declaration::declare_rule;
+use crate::rules::general::facts::number;
+use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::wire::canopen::ObjectAddress;
+
+declare_rule! {
+    /// # What it checks
+    /// The newest entry of the error history (1003:01) has the code of the last EMCY with an error, in either byte
+    /// order.
+    ///
+    /// # Why it matters
+    /// The history is what a service tool reads when nobody recorded the bus.
+    ///
+    /// # Source
+    /// CiA 301 §7.5.2.4 (1003: the newest at sub-index 1)
+    ///
+    /// # What to look at first
+    /// Whether the device writes the history newest first, and whether an EMCY was inhibited (1015).
+    ///
+    /// # Mutation
+    /// change the value in the answer to an upload of 1003:01
+    "emcy-history", Note, "the error history does not have the last EMCY",
+    kinds: ["emcy", "sdo-transfer", "boot-up"],
+    cases: &["5.3", "5.6"],
+    shows: &["5.6"],
+    word: "EMCY",
+}
+
+#[derive(Default)]
+struct EmcyHistory {
+    /// Code and frame of the last EMCY with an error.
+    last: NodeMap<(u16, u64)>,
+}
+
+fn new(_setup: &Setup) -> EmcyHistory {
+    EmcyHistory::default()
+}
+
+impl Rule for EmcyHistory {
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        let Some(node) = event.node else { return };
+        match &event.kind {
+            EventKind::Emcy(emergency) => {
+                let code = emergency.code.filter(|_| emergency.action == EmcyAction::Raised);
+                if let Some((last, code)) = self.last.entry(node).zip(code) {
+                    *last = (code, event.frames.last);
+                }
+            }
+            EventKind::BootUp { .. } => {
+                self.last.remove(node);
+            }
+            EventKind::SdoTransfer(transfer) => {
+                let (Some(object), Some(value)) = (transfer.object, number(transfer)) else { return };
+                match (object.index, object.sub, transfer.direction) {
+                    (0x1003, 0, Some(Direction::Download)) => {
+                        self.last.remove(node);
+                    }
+                    (0x1003, 1, Some(Direction::Upload)) => {
+                        let Some((code, frame)) = self.last.get(node).copied().filter(|(code, _)| *code != 0)
+                        else {
+                            return;
+                        };
+                        let read = u16::try_from(value & 0xFFFF).unwrap_or(0);
+                        if read == code || read == code.swap_bytes() {
+                            return context.pass();
+                        }
+                        let alarm = context.fail(event).about(About::Object(ObjectAddress::new(0x1003, 1)));
+                        alarm.say(|| format!("has {read:04X}; the last EMCY {{{frame}}} was {code:04X}"));
+                    }
+                    _ => {}
+                }
+            }
+            _ => {}
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! An EMCY that should have come.
+
+use crate::event::{Event, EventKind, FrameRange, Pdo};
+use crate::finding::About;
+use crate::rules::declaration::{declare_rule, tolerance};
+use crate::rules::general::facts::mapped_bytes;
+use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::wire::NodeId;
+use crate::wire::canopen::NmtState;
+
+declare_rule! {
+    /// # What it checks
+    /// An operational node that gets an RPDO shorter than its mapping reports 8210. It may have reported it already.
+    ///
+    /// # Why it matters
+    /// Without it nobody notices that the set points do not arrive.
+    ///
+    /// # Source
+    /// CiA 301 §7.2.2.3, table 26 (8210)
+    ///
+    /// # What to look at first
+    /// Whether the device has EMCY at all (1014), and whether 8210 is active since an earlier PDO.
+    ///
+    /// # Mutation
+    /// cut the last byte of an RPDO
+    "emcy-missing", Note, "an EMCY that should have come did not",
+    kinds: ["rpdo", "emcy", "boot-up"],
+    cases: &["5.4", "7.6", "7.106", "7.107"],
+    is_on: false,
+    word: "EMCY",
+    tolerances: &[tolerance("error-ms", 1_000.0, "ms", "from the PDO to the EMCY")],
+}
+
+/// PDO not processed due to length error (CiA 301 table 26).
+const LENGTH_ERROR: u16 = 0x8210;
+
+#[derive(Clone, Copy, Default)]
+struct Watch {
+    /// Frame of the PDO, and when its time is over.
+    waiting: Option<(u64, i64)>,
+    is_reported: bool,
+}
+
+struct EmcyMissing {
+    limit: i64,
+    watches: NodeMap<Watch>,
+}
+
+fn new(setup: &Setup) -> EmcyMissing {
+    EmcyMissing { limit: setup.nanoseconds(&DECLARATION, "error-ms"), watches: NodeMap::default() }
+}
+
+impl EmcyMissing {
+    #[cold]
+    fn short(&mut self, event: &Event, node: NodeId, context: &mut Context<'_>) {
+        let is_operational = context.confirmed_state(node) == Some(NmtState::Operational);
+        let Some(watch) = self.watches.entry(node) else { return };
+        if is_operational && !watch.is_reported && watch.waiting.is_none() {
+            let due = context.now.saturating_add(self.limit);
+            watch.waiting = Some((event.frames.last, due));
+            context.wake_at(due, node.place() as u64);
+        }
+    }
+}
+
+fn is_short(pdo: &Pdo) -> bool {
+    mapped_bytes(pdo).is_some_and(|bytes| u16::from(pdo.length) < bytes)
+}
+
+impl Rule for EmcyMissing {
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        let Some(node) = event.node else { return };
+        match &event.kind {
+            EventKind::Pdo(pdo) if is_short(pdo) => self.short(event, node, context),
+            EventKind::Emcy(emergency) => {
+                let Some(watch) = self.watches.entry(node) else { return };
+                let is_it = emergency.code == Some(LENGTH_ERROR);
+                watch.is_reported = is_it || watch.is_reported && emergency.code != Some(0);
+                if is_it && watch.waiting.take().is_some() {
+                    context.pass();
+                }
+            }
+            EventKind::BootUp { .. } => {
+                self.watches.remove(node);
+            }
+            _ => {}
+        }
+    }
+
+    fn wake(&mut self, token: u64, context: &mut Context<'_>) {
+        let Some(node) = NodeId::all().find(|node| node.place() as u64 == token) else { return };
+        let Some(watch) = self.watches.get_mut(node) else { return };
+        let Some((frame, due)) = watch.waiting.take_if(|(_, due)| *due <= context.now) else { return };
+        let alarm = context.fail_at(due, Some(node), FrameRange::one(frame)).about(About::Code(LENGTH_ERROR));
+        alarm.say(|| format!("no EMCY 8210 for the RPDO {{{frame}}} that was too short"));
+    }
+}

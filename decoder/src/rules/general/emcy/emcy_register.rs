@@ -1,0 +1,90 @@
+//! The error register.
+
+use crate::event::{Direction, Emergency, Event, EventKind};
+use crate::finding::{About, Severity};
+use crate::rules::declaration::{declare_rule, tolerance};
+use crate::rules::general::facts::number;
+use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::wire::NodeId;
+use crate::wire::canopen::ObjectAddress;
+
+declare_rule! {
+    /// # What it checks
+    /// The error register (1001) reads as the last EMCY of the node told it. With `generic-bit = 1` also that bit 0
+    /// is set in each EMCY with an error, which many devices do not do.
+    ///
+    /// # Why it matters
+    /// Who polls the register sees another state of the device than who listens to its EMCY messages.
+    ///
+    /// # Source
+    /// CiA 301 §7.5.2.2 (1001), §7.2.7.1 (emergency object)
+    ///
+    /// # What to look at first
+    /// Errors for which the device sends no EMCY; the inhibit time of EMCY (1015).
+    ///
+    /// # Mutation
+    /// change the value in the answer to an upload of 1001
+    "emcy-register", Warning, "the error register is not what the last EMCY said",
+    kinds: ["emcy", "sdo-transfer", "boot-up"],
+    cases: &["5.2", "5.5"],
+    shows: &["5.2"],
+    word: "EMCY",
+    tolerances: &[tolerance("generic-bit", 0.0, "", "1: bit 0 must be set with an error")],
+}
+
+const REGISTER: ObjectAddress = ObjectAddress::new(0x1001, 0);
+
+struct EmcyRegister {
+    wants_generic: bool,
+    /// Register and frame of the last EMCY.
+    last: NodeMap<Option<(u8, u64)>>,
+}
+
+fn new(setup: &Setup) -> EmcyRegister {
+    EmcyRegister {
+        wants_generic: setup.tolerance(&DECLARATION, "generic-bit") > 0.0,
+        last: NodeMap::default(),
+    }
+}
+
+impl EmcyRegister {
+    fn emcy(&mut self, event: &Event, node: NodeId, emergency: &Emergency, context: &mut Context<'_>) {
+        if let Some(last) = self.last.entry(node) {
+            *last = emergency.register.map(|register| (register, event.frames.last));
+        }
+        let (Some(register), Some(code)) = (emergency.register, emergency.code) else { return };
+        if self.wants_generic && code != 0 && register & 1 == 0 {
+            let alarm = context.fail(event).about(About::Code(code)).severity(Severity::Note);
+            alarm.say(|| format!("EMCY {code:04X} with register {register:02X}h: bit 0 is clear"));
+        }
+    }
+
+    fn read(&self, event: &Event, node: NodeId, read: u64, context: &mut Context<'_>) {
+        let Some((told, frame)) = self.last.get(node).copied().flatten() else { return };
+        if u64::from(told) == read {
+            return context.pass();
+        }
+        let alarm = context.fail(event).about(About::Object(REGISTER));
+        alarm.say(|| format!("reads as {read:02X}h; the last EMCY {{{frame}}} said {told:02X}h"));
+    }
+}
+
+impl Rule for EmcyRegister {
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        let Some(node) = event.node else { return };
+        match &event.kind {
+            EventKind::Emcy(emergency) => self.emcy(event, node, emergency, context),
+            EventKind::BootUp { .. } => {
+                self.last.remove(node);
+            }
+            EventKind::SdoTransfer(transfer) => {
+                let is_read =
+                    transfer.object == Some(REGISTER) && transfer.direction == Some(Direction::Upload);
+                if let Some(read) = number(transfer).filter(|_| is_read) {
+                    self.read(event, node, read, context);
+                }
+            }
+            _ => {}
+        }
+    }
+}

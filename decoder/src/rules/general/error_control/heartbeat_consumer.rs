@@ -1,0 +1,152 @@
+//! Heartbeat consumers and their producers.
+
+use crate::event::{Event, EventKind, Outcome, SdoTransfer};
+use crate::finding::About;
+use crate::rules::declaration::declare_rule;
+use crate::rules::general::facts::sure;
+use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::session::Node;
+use crate::wire::NodeId;
+use crate::wire::canopen::ObjectAddress;
+
+declare_rule! {
+    /// # What it checks
+    /// A consumer's time (1016) is longer than the producer time (1017) of the node it watches; and a consumer that
+    /// reports 8130 does so while one of the producers it watches is late. Only what was written or read counts.
+    ///
+    /// # Why it matters
+    /// A consumer time that is too short stops the machine again and again for nothing.
+    ///
+    /// # Source
+    /// CiA 301 §7.5.2.18 (1016), §7.2.8.2.2 (heartbeat consumer)
+    ///
+    /// # What to look at first
+    /// 1016 of the consumer against 1017 of the producer: half as long again is usual.
+    ///
+    /// # Mutation
+    /// change the time written to 1016:01
+    "heartbeat-consumer", Warning, "a heartbeat consumer does not fit its producer",
+    kinds: ["heartbeat", "emcy", "sdo-transfer", "boot-up"],
+    cases: &["7.104", "7.105", "7.106", "7.107"],
+    is_timing: true,
+    word: "BEAT",
+}
+
+/// Entries of 1016 that are looked at.
+const ENTRIES: u8 = 127;
+
+/// Producers kept of all consumers.
+const CONTRACT_LIMIT: usize = 1024;
+
+/// Heartbeat error (CiA 301 table 26).
+const HEARTBEAT_ERROR: u16 = 0x8130;
+
+struct Contract {
+    consumer: NodeId,
+    sub: u8,
+    producer: NodeId,
+    time: i64,
+}
+
+#[derive(Default)]
+struct HeartbeatConsumer {
+    contracts: Vec<Contract>,
+    /// Consumers that changed and have to be looked at again.
+    changed: Vec<NodeId>,
+    beats: NodeMap<i64>,
+}
+
+fn new(_setup: &Setup) -> HeartbeatConsumer {
+    HeartbeatConsumer::default()
+}
+
+impl HeartbeatConsumer {
+    /// Reads the lists of consumers anew: a transfer is told before its value is known.
+    fn refresh(&mut self, context: &Context<'_>) {
+        for consumer in std::mem::take(&mut self.changed) {
+            self.contracts.retain(|contract| contract.consumer != consumer);
+            let Some(node) = context.bus.node(consumer) else { continue };
+            let entries = (1..=ENTRIES).filter_map(|sub| Some((sub, sure(node, 0x1016, sub)?)));
+            for (sub, entry) in entries {
+                let id = u8::try_from(entry >> 16 & 0x7F).unwrap_or(0);
+                let time = i64::try_from(entry & 0xFFFF).unwrap_or(0).saturating_mul(1_000_000);
+                if id != 0 && time != 0 && self.contracts.len() < CONTRACT_LIMIT {
+                    self.contracts.push(Contract { consumer, sub, producer: NodeId::Canopen(id), time });
+                }
+            }
+        }
+    }
+
+    fn beat(&mut self, event: &Event, node: &Node, context: &mut Context<'_>) {
+        let producer = node.id();
+        if let Some(last) = self.beats.entry(producer) {
+            *last = context.now;
+        }
+        let Some(period) = sure(node, 0x1017, 0).and_then(|time| i64::try_from(time).ok()) else { return };
+        let period = period.saturating_mul(1_000_000);
+        for contract in self.contracts.iter().filter(|contract| contract.producer == producer) {
+            if period < contract.time {
+                context.pass();
+                continue;
+            }
+            let object = ObjectAddress::new(0x1016, contract.sub);
+            let (period, time) = (period / 1_000_000, contract.time / 1_000_000);
+            let alarm = context.fail(event).node(Some(contract.consumer)).about(About::Object(object));
+            alarm.say(|| {
+                format!("expects {} every {time} ms, which sends every {period} ms", producer.words())
+            });
+        }
+    }
+
+    /// The consumer says that a producer is late.
+    fn complained(&self, event: &Event, node: &Node, context: &mut Context<'_>) {
+        let count =
+            sure(node, 0x1016, 0).and_then(|count| u8::try_from(count).ok()).filter(|count| *count > 0);
+        let Some(count) = count else { return };
+        let is_guarded = sure(node, 0x100C, 0) != Some(0) && sure(node, 0x100D, 0) != Some(0);
+        if is_guarded || (1..=count).any(|sub| sure(node, 0x1016, sub).is_none()) {
+            return;
+        }
+        let mut own = self.contracts.iter().filter(|contract| contract.consumer == node.id()).peekable();
+        if own.peek().is_none() {
+            return;
+        }
+        let late = own.any(|contract| {
+            let last = self.beats.get(contract.producer);
+            last.is_none_or(|last| context.now.saturating_sub(*last) >= contract.time / 10 * 9)
+        });
+        if late {
+            return context.pass();
+        }
+        let alarm = context.fail(event).about(About::Code(HEARTBEAT_ERROR));
+        alarm.say(|| "reports 8130, but each producer it watches was heard in time".to_owned());
+    }
+}
+
+/// Whether a transfer tells an entry of the consumer list.
+fn is_list(transfer: &SdoTransfer) -> bool {
+    transfer.outcome == Outcome::Complete && transfer.object.is_some_and(|object| object.index == 0x1016)
+}
+
+impl Rule for HeartbeatConsumer {
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        if !self.changed.is_empty() {
+            self.refresh(context);
+        }
+        let (Some(id), Some(node)) = (event.node, context.node(event)) else { return };
+        match &event.kind {
+            EventKind::Heartbeat { .. } => self.beat(event, node, context),
+            EventKind::Emcy(emergency) if emergency.code == Some(HEARTBEAT_ERROR) => {
+                self.complained(event, node, context);
+            }
+            EventKind::SdoTransfer(transfer) if is_list(transfer) && !self.changed.contains(&id) => {
+                self.changed.push(id);
+            }
+            EventKind::BootUp { .. } => {
+                self.contracts.retain(|contract| contract.consumer != id);
+                self.beats.remove(id);
+            }
+            _ => {}
+        }
+    }
+}

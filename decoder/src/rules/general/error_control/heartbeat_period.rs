@@ -1,0 +1,127 @@
+//! Heartbeats against their producer time.
+
+use std::sync::Arc;
+
+use crate::event::{Event, EventKind, SdoTransfer};
+use crate::finding::About;
+use crate::rules::declaration::{declare_rule, tolerance};
+use crate::rules::general::facts::sure;
+use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::wire::NodeId;
+
+declare_rule! {
+    /// # What it checks
+    /// The average of a node's heartbeats over ten seconds is its producer time (1017, written or read); with 0 there
+    /// are none; their byte is a state. Single late ones are told by `node-lost`.
+    ///
+    /// # Why it matters
+    /// Consumers are set by this time: one that runs slow makes false alarms, one that runs fast hides a loss.
+    ///
+    /// # Source
+    /// CiA 301 §7.2.8.3.2.2 (heartbeat), §7.5.2.20 (1017)
+    ///
+    /// # What to look at first
+    /// The steps in which the device can set the time; how busy it is; a second device with this node-ID.
+    ///
+    /// # Mutation
+    /// drop every fifth heartbeat
+    "heartbeat-period", Warning, "heartbeats do not come at their time",
+    kinds: ["heartbeat", "boot-up", "node-lost", "lost-frames", "link", "sdo-transfer"],
+    cases: &["7.102", "7.103", "7.202", "7.204", "7.206"],
+    shows: &["7.102"],
+    is_timing: true,
+    word: "BEAT",
+    tolerances: &[tolerance("warning-percent", 10.0, "%", "the average may be off")],
+}
+
+/// Time over which the average is taken, in nanoseconds.
+const WINDOW: i64 = 10_000_000_000;
+
+/// Heartbeats after the time was set to 0 that may still have been queued.
+const QUEUED: u32 = 2;
+
+#[derive(Default)]
+struct Watch {
+    began: Option<i64>,
+    beats: i64,
+    /// Heartbeats since the time is 0.
+    surplus: u32,
+}
+
+struct HeartbeatPeriod {
+    share: f64,
+    watches: NodeMap<Watch>,
+}
+
+fn new(setup: &Setup) -> HeartbeatPeriod {
+    HeartbeatPeriod {
+        share: setup.tolerance(&DECLARATION, "warning-percent") / 100.0,
+        watches: NodeMap::default(),
+    }
+}
+
+impl HeartbeatPeriod {
+    fn beat(&mut self, event: &Event, node: NodeId, context: &mut Context<'_>) {
+        let time = context.node(event).and_then(|node| sure(node, 0x1017, 0));
+        let Some(watch) = self.watches.entry(node) else { return };
+        let Some(time) = time else { return };
+        if time == 0 {
+            watch.surplus += 1;
+            if watch.surplus > QUEUED {
+                context.fail(event).say(|| "heartbeat although 1017 = 0".to_owned());
+            }
+            return;
+        }
+        watch.surplus = 0;
+        let Some(began) = watch.began else {
+            watch.began = Some(context.now);
+            watch.beats = 0;
+            return;
+        };
+        watch.beats += 1;
+        let elapsed = context.now.saturating_sub(began);
+        if elapsed < WINDOW {
+            return;
+        }
+        #[expect(clippy::cast_precision_loss, reason = "milliseconds of a heartbeat")]
+        let (average, expected) = (elapsed as f64 / 1e6 / watch.beats as f64, time as f64);
+        let beats = watch.beats;
+        watch.began = Some(context.now);
+        watch.beats = 0;
+        let off = (average / expected - 1.0).abs();
+        // One digit of the stamps is no deviation; a beat more or less in the window neither.
+        #[expect(clippy::cast_precision_loss, reason = "a small count")]
+        let slack = self.share + 1.0 / beats as f64;
+        if off <= slack || (average - expected).abs() < 1.0 {
+            return context.pass();
+        }
+        let alarm = context.fail(event).measure(off);
+        alarm.say(|| {
+            format!("{average:.1} ms on average over {beats} heartbeats; 1017 says {expected:.0} ms")
+        });
+    }
+}
+
+fn is_time(transfer: &SdoTransfer) -> bool {
+    transfer.object.is_some_and(|object| object.index == 0x1017)
+}
+
+impl Rule for HeartbeatPeriod {
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        match (&event.kind, event.node) {
+            (EventKind::Heartbeat { state: None, code }, Some(_)) => {
+                let alarm = context.fail(event).about(About::Name(Arc::from("state")));
+                alarm.say(|| format!("heartbeat with {code:02X}h, which is no state"));
+            }
+            (EventKind::Heartbeat { .. }, Some(node)) => self.beat(event, node, context),
+            (EventKind::SdoTransfer(transfer), Some(node)) if is_time(transfer) => {
+                self.watches.remove(node);
+            }
+            (EventKind::BootUp { .. } | EventKind::NodeLost(_), Some(node)) => {
+                self.watches.remove(node);
+            }
+            (EventKind::LostFrames { .. } | EventKind::Link { .. }, _) => self.watches = NodeMap::default(),
+            _ => {}
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! Two J1939 devices want one address, or one goes on sending from an address that is not its own any more.
+
+use crate::event::{AddressClaim, ClaimAction, Event, EventKind};
+use crate::finding::{About, Severity};
+use crate::rules::declaration::{declare_rule, tolerance};
+use crate::rules::{Context, Rule, Setup};
+use crate::wire::NodeId;
+use crate::wire::j1939::Name;
+
+declare_rule! {
+    /// # What it checks
+    /// Two NAMEs claim one address: the lower NAME has it. A note where the other one may choose another address, as
+    /// that is how such devices find theirs. A device that lost or left its address goes on sending from it: an error.
+    /// CAN does not tell who sends, so this is judged only while nobody else may send from the address.
+    ///
+    /// # Why it matters
+    /// The device that loses is not there, or at an address where nobody looks for it; two that send from one address
+    /// are mistaken for each other.
+    ///
+    /// # Source
+    /// SAE J1939-81 §4.2.2.1 (claim, 250 ms before sending), §4.2.2.3, §4.5 (initialization)
+    ///
+    /// # What to look at first
+    /// The address settings of both devices (NAMEs in the text), and which of them was added or replaced last.
+    ///
+    /// # Mutation
+    /// insert the claim of a lower NAME for an address in use
+    "address-contention", Error, "two devices want one address",
+    kinds: ["address-claim", "j1939-message"],
+    word: "CLAIM",
+    tolerances: &[tolerance("grace-ms", 20.0, "ms", "in which messages that were queued may still come")],
+}
+
+/// Who claims one of these addresses waits before it sends; below and above it need not (J1939-81 §4.5).
+const WAITS: std::ops::RangeInclusive<u8> = 128..=247;
+
+/// Nanoseconds it waits.
+const WAIT: i64 = 250_000_000;
+
+/// Nanoseconds for which messages from an address nobody has are put down to the one that left it.
+const LEFT: i64 = 5_000_000_000;
+
+/// Addresses watched at once.
+const WATCH_LIMIT: usize = 64;
+
+/// An address that a device is not to send from any more.
+struct Left {
+    address: u8,
+    name: Name,
+    frame: u64,
+    since: i64,
+    until: i64,
+}
+
+struct AddressContention {
+    grace: i64,
+    left: Vec<Left>,
+}
+
+fn new(setup: &Setup) -> AddressContention {
+    AddressContention { grace: setup.nanoseconds(&DECLARATION, "grace-ms"), left: Vec::new() }
+}
+
+impl AddressContention {
+    fn watch(&mut self, address: u8, name: Name, lasts: i64, event: &Event, context: &Context<'_>) {
+        self.left.retain(|left| left.address != address);
+        if context.has_time && self.left.len() < WATCH_LIMIT {
+            let (frame, since) = (event.frames.last, context.now);
+            self.left.push(Left { address, name, frame, since, until: since.saturating_add(lasts) });
+        }
+    }
+
+    fn claim(&mut self, event: &Event, claim: &AddressClaim, context: &mut Context<'_>) {
+        let has_it = matches!(claim.action, ClaimAction::Claimed | ClaimAction::Confirmed);
+        if has_it {
+            self.left.retain(|left| left.address != claim.source);
+        }
+        if let Some(from) = claim.from.filter(|from| *from != claim.source) {
+            let is_free =
+                context.bus.node(NodeId::J1939(from)).is_none_or(|node| node.j1939_name().is_none());
+            if is_free {
+                self.watch(from, claim.name, LEFT, event, context);
+            }
+        }
+        let Some(contention) = claim.contention else {
+            if has_it {
+                context.pass();
+            }
+            return;
+        };
+        let winner = contention.winner;
+        let loser = if winner == claim.name { contention.other } else { claim.name };
+        if has_it && WAITS.contains(&claim.source) {
+            self.watch(claim.source, loser, WAIT, event, context);
+        }
+        let may_choose = loser.fields().arbitrary_address_capable;
+        let severity = if may_choose { Severity::Note } else { Severity::Warning };
+        let alarm = context.fail(event).severity(severity);
+        alarm.say(|| {
+            let address = claim.source;
+            let then = if may_choose { "may choose another one" } else { "has no other one" };
+            format!(
+                "{address:02X} is claimed by NAME {:016X} and NAME {:016X}, which loses it and {then}",
+                winner.0, loser.0
+            )
+        });
+    }
+
+    fn message(&mut self, event: &Event, source: u8, context: &mut Context<'_>) {
+        let Some(place) = self.left.iter().position(|left| left.address == source) else { return };
+        let Some(left) = self.left.get(place) else { return };
+        if context.now > left.until {
+            self.left.swap_remove(place);
+            return;
+        }
+        let late = context.now.saturating_sub(left.since);
+        if late <= self.grace {
+            return;
+        }
+        let (name, frame) = (left.name, left.frame);
+        let alarm = context.fail(event).about(About::Name("goes on sending".into()));
+        alarm.say(|| {
+            let milliseconds = late / 1_000_000;
+            format!(
+                "sends from {source:02X} {milliseconds} ms after NAME {:016X} lost or left it {{{frame}}}",
+                name.0
+            )
+        });
+    }
+}
+
+impl Rule for AddressContention {
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        match &event.kind {
+            EventKind::AddressClaim(claim) => self.claim(event, claim, context),
+            EventKind::J1939Message(message) if !self.left.is_empty() => {
+                self.message(event, message.id.source, context);
+            }
+            _ => {}
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! A J1939 device does not answer a request.
+
+use std::collections::VecDeque;
+
+use crate::event::{Event, EventKind, FrameRange, J1939Request};
+use crate::finding::About;
+use crate::rules::declaration::{declare_rule, tolerance};
+use crate::rules::{Context, Rule, Setup};
+use crate::wire::NodeId;
+use crate::wire::j1939::{ALL, NO_ADDRESS, Pgn};
+
+declare_rule! {
+    /// # What it checks
+    /// A device that was heard before is asked for a group, alone and by its address, and neither sends the group, in one
+    /// frame or several, nor acknowledges or refuses it in time. Requests to all, and to addresses nobody was heard at,
+    /// are not judged: nobody has to answer them.
+    ///
+    /// # Why it matters
+    /// Who asks waits, and goes on without the value; a device that answers nothing may be stuck.
+    ///
+    /// # Source
+    /// SAE J1939-21 §5.4.2 (a request to one address is answered), §5.12.3 (1,250 ms)
+    ///
+    /// # What to look at first
+    /// Whether the device sends anything else at that time, and whether it has the group at all: then it should refuse
+    /// by a NACK.
+    ///
+    /// # Mutation
+    /// drop the refusal of a device
+    "request-unanswered", Warning, "a request to a J1939 device has no answer",
+    kinds: ["j1939-request", "j1939-message", "j1939-transfer", "acknowledgement", "address-claim"],
+    is_timing: true,
+    word: "REQ",
+    tolerances: &[tolerance("answer-ms", 1_250.0, "ms", "to the answer")],
+}
+
+/// Requests that wait at once; the oldest is given up for a new one.
+const OPEN_LIMIT: usize = 64;
+
+/// A request that waits for its answer.
+struct Asked {
+    token: u64,
+    pgn: Pgn,
+    /// Who asks, and who is asked.
+    source: u8,
+    of: u8,
+    frame: u64,
+}
+
+struct RequestUnanswered {
+    answer: i64,
+    open: VecDeque<Asked>,
+    /// Requests so far.
+    count: u64,
+}
+
+fn new(setup: &Setup) -> RequestUnanswered {
+    let answer = setup.nanoseconds(&DECLARATION, "answer-ms");
+    RequestUnanswered { answer, open: VecDeque::new(), count: 0 }
+}
+
+impl RequestUnanswered {
+    fn asked(&mut self, event: &Event, request: &J1939Request, context: &mut Context<'_>) {
+        let of = request.destination;
+        if matches!(of, ALL | NO_ADDRESS) || of == request.source || !context.has_time {
+            return;
+        }
+        if context.bus.node(NodeId::J1939(of)).is_none_or(|node| node.last_seen().0 == 0) {
+            return;
+        }
+        if self.open.len() >= OPEN_LIMIT {
+            self.open.pop_front();
+        }
+        self.count += 1;
+        let (token, source, frame) = (self.count, request.source, event.frames.last);
+        self.open.push_back(Asked { token, pgn: request.pgn, source, of, frame });
+        context.wake_at(context.now.saturating_add(self.answer), token);
+    }
+
+    /// An address sent something of a group.
+    fn answered(&mut self, by: u8, pgn: Pgn, context: &mut Context<'_>) {
+        self.open.retain(|asked| {
+            let is_it = (asked.of, asked.pgn) == (by, pgn);
+            if is_it {
+                context.pass();
+            }
+            !is_it
+        });
+    }
+}
+
+impl Rule for RequestUnanswered {
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        if let EventKind::J1939Request(request) = &event.kind {
+            return self.asked(event, request, context);
+        }
+        if self.open.is_empty() {
+            return;
+        }
+        match &event.kind {
+            EventKind::J1939Message(message) => self.answered(message.id.source, message.id.pgn, context),
+            EventKind::Acknowledgement(answer) => self.answered(answer.source, answer.message.pgn, context),
+            EventKind::J1939Transfer(transfer) => {
+                if let Some(pgn) = transfer.pgn {
+                    self.answered(transfer.source, pgn, context);
+                }
+            }
+            EventKind::AddressClaim(claim) => self.answered(claim.source, Pgn::ADDRESS_CLAIMED, context),
+            _ => {}
+        }
+    }
+
+    fn wake(&mut self, token: u64, context: &mut Context<'_>) {
+        let Some(place) = self.open.iter().position(|asked| asked.token == token) else { return };
+        let Some(asked) = self.open.remove(place) else { return };
+        // The answer is on its way in several packets.
+        if context.bus.is_transferring(asked.of, asked.pgn) {
+            return context.pass();
+        }
+        let node = NodeId::J1939(asked.of);
+        let alarm = context.fail_at(context.now, Some(node), FrameRange::one(asked.frame));
+        let milliseconds = self.answer / 1_000_000;
+        let Asked { source, pgn, frame, .. } = asked;
+        alarm
+            .about(About::Pgn(pgn.number()))
+            .say(|| format!("no answer to the request of {source:02X} {{{frame}}} within {milliseconds} ms"));
+    }
+}

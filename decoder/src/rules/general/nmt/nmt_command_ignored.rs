@@ -1,0 +1,131 @@
+//! A node does not take the state it is commanded to.
+
+use std::sync::Arc;
+
+use crate::event::{Event, EventKind, FrameRange, StateCause};
+use crate::finding::About;
+use crate::rules::declaration::{declare_rule, tolerance};
+use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::session::Node;
+use crate::wire::NodeId;
+use crate::wire::canopen::NmtState;
+use crate::wire::canopen::nmt::NmtService;
+
+declare_rule! {
+    /// # What it checks
+    /// What a node says of its state by heartbeat or guarding after an NMT command is, at the second time and a
+    /// second later, what was commanded. States that the device does not have by its manual are not judged, nor what
+    /// it does once it obeyed.
+    ///
+    /// # Why it matters
+    /// NMT commands are not confirmed: the master believes that the node runs, or that it is still.
+    ///
+    /// # Source
+    /// CiA 301 §7.2.8.2.1, §7.3.2.2 (state machine)
+    ///
+    /// # What to look at first
+    /// Errors that keep the node from it (EMCY); whether the command was meant for another node-ID.
+    ///
+    /// # Mutation
+    /// drop nothing, insert a command to stop while heartbeats go on as operational
+    "nmt-command-ignored", Warning, "a node does not take the state it is commanded to",
+    kinds: ["nmt-command", "nmt-state", "heartbeat", "guard-reply", "boot-up"],
+    cases: &["9.2", "9.3", "9.4", "10.1", "10.2", "10.3", "10.4"],
+    word: "NMT",
+    tolerances: &[tolerance("error-ms", 1_000.0, "ms", "from the command until the node says the state")],
+}
+
+struct Command {
+    service: NmtService,
+    to: NmtState,
+    at: i64,
+    frame: u64,
+    /// Times the node said another state.
+    other: u32,
+}
+
+struct NmtCommandIgnored {
+    limit: i64,
+    commands: NodeMap<Option<Command>>,
+}
+
+fn new(setup: &Setup) -> NmtCommandIgnored {
+    NmtCommandIgnored { limit: setup.nanoseconds(&DECLARATION, "error-ms"), commands: NodeMap::default() }
+}
+
+impl NmtCommandIgnored {
+    fn commanded(
+        &mut self,
+        event: &Event,
+        node: NodeId,
+        service: NmtService,
+        to: NmtState,
+        context: &Context<'_>,
+    ) {
+        let Some(known) = context.bus.node(node) else { return };
+        let obeyed = &known.device().nmt.commands;
+        let is_obeyed = obeyed.is_empty() || obeyed.iter().any(|name| name == service.name());
+        let Some(command) = self.commands.entry(node) else { return };
+        // A reset is told by the boot-up.
+        *command = (is_obeyed && to != NmtState::Initialising).then_some(Command {
+            service,
+            to,
+            at: context.now,
+            frame: event.frames.last,
+            other: 0,
+        });
+    }
+
+    fn told(&mut self, event: &Event, node: NodeId, state: NmtState, context: &mut Context<'_>) {
+        let Some(known) = self.commands.get_mut(node) else { return };
+        let Some(command) = known else { return };
+        if state == command.to {
+            *known = None;
+            return context.pass();
+        }
+        command.other += 1;
+        let after = context.now.saturating_sub(command.at);
+        if command.other < 2 || after < self.limit {
+            return;
+        }
+        let (service, frame) = (command.service.name(), command.frame);
+        *known = None;
+        let frames = FrameRange { first: frame, last: event.frames.last };
+        let after = after / 1_000_000;
+        let alarm = context.fail(event).about(About::Name(Arc::from(service))).frames(frames);
+        alarm.say(|| format!("still {} {after} ms after the command {{{frame}}}", state.name()));
+    }
+}
+
+impl Rule for NmtCommandIgnored {
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        match (&event.kind, event.node) {
+            (EventKind::NmtCommand { service, to: Some(to), target: 0, .. }, _) => {
+                let known: Vec<NodeId> = context.bus.nodes().map(Node::id).collect();
+                for node in known {
+                    self.commanded(event, node, *service, *to, context);
+                }
+            }
+            (EventKind::NmtCommand { service, to: Some(to), .. }, Some(node)) => {
+                self.commanded(event, node, *service, *to, context);
+            }
+            (
+                EventKind::Heartbeat { state: Some(state), .. }
+                | EventKind::GuardReply { state: Some(state), .. },
+                Some(node),
+            ) => {
+                self.told(event, node, *state, context);
+            }
+            // A PDO shows that it obeyed, whatever it does then.
+            (EventKind::NmtState(change), Some(node)) if change.cause == StateCause::Pdo => {
+                if let Some(known) = self.commands.get_mut(node) {
+                    known.take_if(|command| command.to == change.to);
+                }
+            }
+            (EventKind::BootUp { .. }, Some(node)) => {
+                self.commands.remove(node);
+            }
+            _ => {}
+        }
+    }
+}

@@ -1,0 +1,82 @@
+//! A stopped node uses services it must not use.
+
+use std::sync::Arc;
+
+use crate::event::{Certainty, Event, EventKind, Outcome};
+use crate::finding::{About, Severity};
+use crate::profile::device::NmtName;
+use crate::rules::declaration::{declare_rule, tolerance};
+use crate::rules::{Context, Rule, Setup};
+use crate::wire::canopen::NmtState;
+
+declare_rule! {
+    /// # What it checks
+    /// A node that says it is stopped, or was told to stop a while ago, answers no SDO request; an EMCY of it is a
+    /// note. PDOs are judged by `pdo-outside-operational`.
+    ///
+    /// # Why it matters
+    /// Stopped is the state in which a node is to be still: a master that finds it talking cannot rely on it.
+    ///
+    /// # Source
+    /// CiA 301 §7.3.2.2.5, table 38 (services by NMT state)
+    ///
+    /// # What to look at first
+    /// Whether the node has the state stopped at all, by its manual.
+    ///
+    /// # Mutation
+    /// insert a command that stops a node while it answers SDO requests
+    "service-in-stopped", Warning, "a stopped node answers SDO requests",
+    kinds: ["sdo-transfer", "emcy"],
+    cases: &["9.4", "10.4"],
+    word: "NMT",
+    tolerances: &[tolerance("command-ms", 100.0, "ms", "from the command, in which it may still answer")],
+}
+
+struct ServiceInStopped {
+    command: i64,
+}
+
+fn new(setup: &Setup) -> ServiceInStopped {
+    ServiceInStopped { command: setup.nanoseconds(&DECLARATION, "command-ms") }
+}
+
+impl ServiceInStopped {
+    /// Whether the node is surely to be still.
+    fn is_stopped(&self, event: &Event, context: &Context<'_>) -> bool {
+        let Some(node) = context.node(event) else { return false };
+        let Some(status) = node.nmt().filter(|status| status.state == NmtState::Stopped) else {
+            return false;
+        };
+        let all = &node.device().nmt.states;
+        let since = context.bus.now().saturating_sub(status.since());
+        let has_state = all.is_empty() || all.contains(&NmtName::Stopped);
+        has_state && (since > self.command || !context.has_time && status.certainty == Certainty::Confirmed)
+    }
+}
+
+impl Rule for ServiceInStopped {
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        match &event.kind {
+            EventKind::SdoTransfer(transfer) if self.is_stopped(event, context) => {
+                let is_answered = match transfer.outcome {
+                    Outcome::Complete => true,
+                    Outcome::Aborted => transfer.abort.is_some_and(|abort| !abort.by_client),
+                    Outcome::Timeout => false,
+                    _ => return,
+                };
+                if !is_answered {
+                    return context.pass();
+                }
+                let object = transfer.object.map_or_else(String::new, |object| format!(" of {object}"));
+                let alarm = context.fail(event).about(About::Name(Arc::from("SDO")));
+                alarm.say(|| format!("SDO request{object} answered in state stopped"));
+            }
+            EventKind::Emcy(_) if self.is_stopped(event, context) => {
+                let alarm =
+                    context.fail(event).about(About::Name(Arc::from("EMCY"))).severity(Severity::Note);
+                alarm.say(|| "EMCY sent in state stopped".to_owned());
+            }
+            _ => {}
+        }
+    }
+}

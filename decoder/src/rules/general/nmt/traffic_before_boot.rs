@@ -1,0 +1,112 @@
+//! A node sends before it says that it started.
+
+use crate::event::{Event, EventKind, FrameRange};
+use crate::profile::device::Boot;
+use crate::rules::declaration::{declare_rule, tolerance};
+use crate::rules::{Context, NodeMap, NodeSet, Rule, Setup};
+use crate::session::Node;
+use crate::wire::NodeId;
+use crate::wire::canopen::NmtState;
+
+declare_rule! {
+    /// # What it checks
+    /// Between an NMT reset and its boot-up message a node sends nothing but what was still queued.
+    ///
+    /// # Why it matters
+    /// The node did not obey, or its application runs before the node is configured.
+    ///
+    /// # Source
+    /// CiA 301 §7.3.2.2.1 (initialisation ends with the boot-up message)
+    ///
+    /// # What to look at first
+    /// How long after the reset; whether its boot-up comes at all.
+    ///
+    /// # Mutation
+    /// insert a heartbeat between a reset and the boot-up
+    "traffic-before-boot", Note, "a node sends before its boot-up message",
+    kinds: ["nmt-command", "boot-up", "heartbeat", "guard-reply", "emcy", "tpdo"],
+    word: "BOOT",
+    tolerances: &[tolerance("queued-ms", 100.0, "ms", "from the reset, in which queued frames still come")],
+}
+
+struct TrafficBeforeBoot {
+    queued: i64,
+    /// Time and frame of the reset.
+    resets: NodeMap<(i64, u64)>,
+    starting: NodeSet,
+}
+
+fn new(setup: &Setup) -> TrafficBeforeBoot {
+    TrafficBeforeBoot {
+        queued: setup.nanoseconds(&DECLARATION, "queued-ms"),
+        resets: NodeMap::default(),
+        starting: NodeSet::default(),
+    }
+}
+
+impl TrafficBeforeBoot {
+    fn reset(&mut self, event: &Event, node: NodeId, context: &Context<'_>) {
+        let promises = |boot| matches!(boot, Boot::BootUp | Boot::ReadyTelegram);
+        let has_sign = context.bus.node(node).is_some_and(|node| promises(node.device().nmt.boot));
+        if let Some(reset) = self.resets.entry(node).filter(|_| has_sign) {
+            *reset = (context.now, event.frames.last);
+            self.starting.insert(node);
+        }
+    }
+
+    #[cold]
+    fn sent(&mut self, event: &Event, node: NodeId, what: &str, context: &mut Context<'_>) {
+        let Some((at, frame)) = self.resets.get(node).copied() else { return };
+        let after = context.now.saturating_sub(at);
+        if after <= self.queued {
+            return;
+        }
+        self.starting.remove(node);
+        let frames = FrameRange { first: frame, last: event.frames.last };
+        let after = after / 1_000_000;
+        context
+            .fail(event)
+            .frames(frames)
+            .say(|| format!("{what} {after} ms after the reset, before any boot-up"));
+    }
+
+    fn booted(&mut self, node: NodeId, context: &mut Context<'_>) {
+        if self.starting.remove(node) {
+            context.pass();
+        }
+    }
+}
+
+impl Rule for TrafficBeforeBoot {
+    fn wants_pdos(&self) -> bool {
+        !self.starting.is_empty()
+    }
+
+    #[inline]
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        let Some(node) = event.node else {
+            if let EventKind::NmtCommand { to: Some(NmtState::Initialising), target: 0, .. } = event.kind {
+                let known: Vec<NodeId> = context.bus.nodes().map(Node::id).collect();
+                for node in known {
+                    self.reset(event, node, context);
+                }
+            }
+            return;
+        };
+        match &event.kind {
+            EventKind::Pdo(_) | EventKind::Heartbeat { .. } if !self.starting.contains(node) => {}
+            EventKind::Pdo(_) => self.sent(event, node, "TPDO", context),
+            EventKind::NmtCommand { to: Some(NmtState::Initialising), .. } => {
+                self.reset(event, node, context);
+            }
+            EventKind::BootUp { .. } => self.booted(node, context),
+            EventKind::Emcy(emergency) if emergency.boot.is_some() => self.booted(node, context),
+            EventKind::Emcy(_) if self.starting.contains(node) => self.sent(event, node, "EMCY", context),
+            EventKind::Heartbeat { .. } => self.sent(event, node, "heartbeat", context),
+            EventKind::GuardReply { .. } if self.starting.contains(node) => {
+                self.sent(event, node, "guarding reply", context);
+            }
+            _ => {}
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! A node restarts, loses settings, and is started without them.
+
+use crate::event::{BootCause, Event, EventKind, FrameRange, Outcome, SdoTransfer};
+use crate::finding::Severity;
+use crate::profile::Role;
+use crate::rules::declaration::declare_rule;
+use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::wire::NodeId;
+use crate::wire::canopen::nmt::NmtService;
+use crate::wire::canopen::{NmtState, ObjectAddress};
+
+declare_rule! {
+    /// # What it checks
+    /// Settings written in this capture to objects that the device keeps in RAM only, or keeps on command only
+    /// (1010), are gone with a restart of the node, and it becomes operational before they were written again. A
+    /// warning where the master itself commanded the restart.
+    ///
+    /// # Why it matters
+    /// The node works with other settings than the controller believes, or says nothing at all.
+    ///
+    /// # Source
+    /// What a device keeps: its manual. CiA 301 §7.3.2.2 (initialisation), §7.5.2.13 (1010).
+    ///
+    /// # What to look at first
+    /// Whether the controller repeats its configuration at each boot-up; why the node restarted.
+    ///
+    /// # Mutation
+    /// insert a boot-up and a start behind the configuration
+    "config-lost", Error, "settings are lost with a restart and not written again before the start",
+    kinds: ["sdo-transfer", "object-change", "boot-up", "emcy", "nmt-command", "nmt-state"],
+    word: "LOST",
+}
+
+/// Settings remembered of a node.
+const SETTING_LIMIT: usize = 1024;
+
+/// Objects named in a line.
+const NAMED: usize = 6;
+
+/// Where the area ends that reset communication sets back (CiA 301 §7.3.2.2.2).
+const COMMUNICATION_END: u16 = 0x2000;
+
+#[derive(Default)]
+struct Settings {
+    written: Vec<ObjectAddress>,
+    lost: Vec<ObjectAddress>,
+    /// Frame of the last start, and whether it was commanded.
+    boot: Option<(u64, bool)>,
+    /// The last reset was one of the communication only.
+    communication_only: bool,
+}
+
+#[derive(Default)]
+struct ConfigLost {
+    nodes: NodeMap<Settings>,
+}
+
+fn new(_setup: &Setup) -> ConfigLost {
+    ConfigLost::default()
+}
+
+impl ConfigLost {
+    fn written(&mut self, event: &Event, node: NodeId, transfer: &SdoTransfer, context: &Context<'_>) {
+        let (Outcome::Complete, Some(object)) = (transfer.outcome, transfer.object) else { return };
+        if !matches!(transfer.persists, Some("no" | "needs-save")) {
+            return;
+        }
+        let meaning = context.node(event).and_then(|node| node.meaning(object));
+        let role = meaning.and_then(|meaning| meaning.role);
+        // What is commanded now is no setting.
+        if matches!(role, Some(Role::Control | Role::SetPoint | Role::Status | Role::Actual)) {
+            return;
+        }
+        let Some(settings) = self.nodes.entry(node) else { return };
+        settings.lost.retain(|lost| *lost != object);
+        if settings.written.len() < SETTING_LIMIT && !settings.written.contains(&object) {
+            settings.written.push(object);
+        }
+    }
+
+    fn booted(&mut self, event: &Event, node: NodeId, cause: BootCause) {
+        let Some(settings) = self.nodes.get_mut(node) else { return };
+        let is_commanded = matches!(cause, BootCause::Commanded { .. });
+        settings.communication_only &= is_commanded;
+        settings.boot = Some((event.frames.last, is_commanded));
+    }
+
+    fn fell_back(&mut self, node: NodeId, object: ObjectAddress) {
+        let Some(settings) = self.nodes.get_mut(node) else { return };
+        // That a reset of the communication takes others with it is no more than likely.
+        let is_sure = !settings.communication_only || object.index < COMMUNICATION_END;
+        if is_sure && settings.written.contains(&object) && !settings.lost.contains(&object) {
+            settings.lost.push(object);
+        }
+    }
+
+    fn commanded(&mut self, target: u8, service: NmtService) {
+        let note = |settings: &mut Settings| match service {
+            NmtService::ResetCommunication => settings.communication_only = true,
+            NmtService::ResetNode => settings.communication_only = false,
+            _ => {}
+        };
+        let all = NodeId::all().filter(|node| match node {
+            NodeId::Canopen(number) => target == 0 || *number == target,
+            NodeId::J1939(_) => false,
+        });
+        for node in all {
+            if let Some(settings) = self.nodes.get_mut(node) {
+                note(settings);
+            }
+        }
+    }
+
+    fn started(&mut self, event: &Event, node: NodeId, context: &mut Context<'_>) {
+        let Some(settings) = self.nodes.get_mut(node) else { return };
+        let Some((boot, is_commanded)) = settings.boot.take() else { return };
+        if settings.written.is_empty() {
+            return;
+        }
+        let mut lost = std::mem::take(&mut settings.lost);
+        if lost.is_empty() {
+            return context.pass();
+        }
+        settings.written.retain(|object| !lost.contains(object));
+        lost.sort_unstable();
+        let severity = if is_commanded { Severity::Warning } else { Severity::Error };
+        let frames = FrameRange { first: boot, last: event.frames.last };
+        let alarm = context.fail(event).severity(severity).frames(frames);
+        alarm.say(|| {
+            let named: Vec<_> = lost.iter().take(NAMED).map(ToString::to_string).collect();
+            let more = if lost.len() > NAMED { ", …" } else { "" };
+            let what = if lost.len() == 1 { "setting" } else { "settings" };
+            let named = named.join(", ");
+            format!(
+                "{} {what} lost with the restart {{{boot}}}, not written again: {named}{more}",
+                lost.len()
+            )
+        });
+    }
+}
+
+impl Rule for ConfigLost {
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        if let EventKind::NmtCommand { target, service, .. } = event.kind {
+            return self.commanded(target, service);
+        }
+        let Some(node) = event.node else { return };
+        match &event.kind {
+            EventKind::SdoTransfer(transfer) => self.written(event, node, transfer, context),
+            EventKind::ObjectChange(change) if change.origin == "reset" => {
+                self.fell_back(node, change.object);
+            }
+            EventKind::BootUp { cause, .. } => self.booted(event, node, *cause),
+            EventKind::Emcy(emergency) => {
+                if let Some(cause) = emergency.boot {
+                    self.booted(event, node, cause);
+                }
+            }
+            EventKind::NmtState(change) if change.to == NmtState::Operational => {
+                self.started(event, node, context);
+            }
+            _ => {}
+        }
+    }
+}

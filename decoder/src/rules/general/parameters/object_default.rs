@@ -1,0 +1,248 @@
+//! Values behind a restart that are not the ones the dictionary gives.
+
+use super::stored::{COMMUNICATION_END, OBJECT_LIMIT, Resets, boot, covers, read, written};
+use crate::event::{BootCause, Event, EventKind, SdoTransfer};
+use crate::profile::object::{Access, Given};
+use crate::profile::{DataType, Entry, Value, integer, word};
+use crate::rules::declaration::declare_rule;
+use crate::rules::general::facts::about;
+use crate::rules::general::sdo::sdo_situation::is_told;
+use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::session::Node;
+use crate::wire::NodeId;
+use crate::wire::canopen::ObjectAddress;
+
+declare_rule! {
+    /// # What it checks
+    /// Defaults were restored (1011, "load") and the node restarted, and a communication object reads as something
+    /// else than the default of its EDS or profile. Where nothing was restored a device may have stored anything, so
+    /// values that equal the default count as right and others are not judged. Not judged either: what was written
+    /// since the restart, what was saved since (1010), what the device itself changes, and read-only objects apart
+    /// from communication objects and numbers of entries.
+    ///
+    /// # Why it matters
+    /// A device that is exchanged starts with other settings than its file promises: identifiers, times and mappings
+    /// do not fit the controller's.
+    ///
+    /// # Source
+    /// CiA 301 §7.5.2.14 (1011), CiA 306-1 §4.6.3 (DefaultValue)
+    ///
+    /// # What to look at first
+    /// Firmware version against the EDS's file version; whether the node-ID is part of the default ($NODEID).
+    ///
+    /// # Mutation
+    /// change a value read behind a restore and a restart
+    "object-default", Warning, "a restored value is not the dictionary's default",
+    kinds: ["sdo-transfer", "boot-up", "emcy", "nmt-command"],
+    cases: &["4.2", "4.8", "8.4", "8.8"],
+    word: "DEFLT",
+}
+
+#[derive(Default)]
+struct Started {
+    /// It restarted in this capture.
+    has_restarted: bool,
+    /// Sub-index of 1011 that waits for a restart.
+    loading: Option<u8>,
+    /// Defaults hold by this sub-index of 1011.
+    restored: Option<u8>,
+    /// Something was saved, so the next restart brings that.
+    is_saved: bool,
+    /// Objects with another value than the default, written since the restore; whether since the restart, too. A
+    /// device that stores by itself has them still.
+    written: Vec<(ObjectAddress, bool)>,
+    /// There were more.
+    is_full: bool,
+}
+
+#[derive(Default)]
+struct ObjectDefault {
+    nodes: NodeMap<Started>,
+    resets: Resets,
+}
+
+fn new(_setup: &Setup) -> ObjectDefault {
+    ObjectDefault::default()
+}
+
+/// Objects each device or firmware has its own way with: status register, names and versions, node-ID, abilities to
+/// store, time stamp, revision and serial number, domains and programs.
+const fn is_own(object: ObjectAddress) -> bool {
+    match object.index {
+        0x1002 | 0x1008..=0x100B | 0x1010 | 0x1011 | 0x1013 | 0x1020..=0x1026 | 0x1F50..=0x1FFF => true,
+        0x1018 => object.sub > 2,
+        _ => false,
+    }
+}
+
+/// Whether the dictionary's default of an object is a promise.
+fn is_judged(node: &Node, object: ObjectAddress) -> bool {
+    let found = node.device().dictionary.find(object);
+    let Some((found, entry)) = found.and_then(|found| Some((found, found.entry?))) else { return false };
+    let is_count = object.sub == 0 && found.object.is_record;
+    let is_set = matches!(entry.access, Some(Access::Rw | Access::Const));
+    let is_compared = is_count || is_set || matches!(object.index, 0x1000..=0x101F);
+    is_compared && !matches!(object.index, 0x1001 | 0x1003) && is_told(node.device(), object)
+}
+
+/// Whether data is the default; `None` where there is none, or it cannot be compared.
+fn is_default(node: &Node, object: ObjectAddress, data: &[u8]) -> Option<bool> {
+    let entry = node.device().dictionary.find(object)?.entry?;
+    equals(entry, node.id().number(), &node.meaning(object)?.decode(data))
+}
+
+/// Whether a value is what an entry gives as delivered, on the node with this number.
+fn equals(entry: &Entry, node: u8, value: &Value) -> Option<bool> {
+    let Value::Real(read) = *value else {
+        let wanted = entry.default_number(Some(node))?;
+        return match integer(value) {
+            Some(read) => Some(read == wanted),
+            None => word(value).map(|read| read == wanted.cast_unsigned()),
+        };
+    };
+    #[expect(clippy::cast_precision_loss, reason = "a default written as a whole number")]
+    let wanted = match entry.default.as_ref()? {
+        Given::Real(wanted) => *wanted,
+        Given::Number(wanted) => *wanted as f64,
+        Given::Text(_) => return None,
+    };
+    #[expect(clippy::cast_possible_truncation, reason = "a REAL32 has no more digits than that")]
+    let [short_read, short_wanted] = [read as f32, wanted as f32];
+    let is_short = entry.data_type == Some(DataType::Real32);
+    Some(read.to_bits() == wanted.to_bits() || is_short && short_read.to_bits() == short_wanted.to_bits())
+}
+
+/// A value and the default, for people.
+fn shown(node: &Node, object: ObjectAddress, data: &[u8]) -> (String, String) {
+    let Some(meaning) = node.meaning(object) else { return (String::new(), String::new()) };
+    let entry = node.device().dictionary.find(object).and_then(|found| found.entry);
+    let number = entry.and_then(|entry| entry.default_number(Some(node.id().number())));
+    let real = match entry.and_then(|entry| entry.default.as_ref()) {
+        Some(Given::Real(real)) => real.to_string(),
+        _ => String::new(),
+    };
+    let wanted = number.map_or(real, |number| meaning.show(&meaning.number(number)));
+    (meaning.show(&meaning.decode(data)), wanted)
+}
+
+impl ObjectDefault {
+    fn booted(&mut self, node: NodeId, cause: BootCause) {
+        let is_partial = self.resets.is_partial(node, cause);
+        let Some(started) = self.nodes.entry(node) else { return };
+        let loaded = started.loading.take();
+        *started = Started {
+            has_restarted: true,
+            restored: loaded.or(started.restored).filter(|_| !started.is_saved),
+            is_saved: started.is_saved && loaded.is_none(),
+            written: std::mem::take(&mut started.written),
+            is_full: started.is_full,
+            loading: None,
+        };
+        started.written.retain(|(object, _)| !loaded.is_some_and(|sub| covers(sub, object.index)));
+        for (object, is_since) in &mut started.written {
+            *is_since &= is_partial && object.index >= COMMUNICATION_END;
+        }
+    }
+
+    fn transfer(&mut self, event: &Event, id: NodeId, transfer: &SdoTransfer, context: &mut Context<'_>) {
+        let Some(node) = context.node(event) else { return };
+        let Some(started) = self.nodes.entry(id) else { return };
+        if let Some(object) = written(transfer) {
+            started.wrote(node, object, &transfer.data);
+        } else if let Some(object) = read(transfer)
+            && let Some(is_right) = started.judge(node, object, &transfer.data)
+        {
+            if is_right {
+                return context.pass();
+            }
+            let by = node.device().default_origin(object);
+            let alarm = context.fail(event).about(about(transfer));
+            alarm.say(|| {
+                let (read, wanted) = shown(node, object, &transfer.data);
+                format!("reads as {read} behind restore and restart; default by {by}: {wanted}")
+            });
+        }
+    }
+}
+
+impl Started {
+    fn wrote(&mut self, node: &Node, object: ObjectAddress, data: &[u8]) {
+        match (object.index, object.sub) {
+            (0x1010, 1..) => {
+                self.is_saved = true;
+                self.loading = None;
+                self.restored = None;
+            }
+            (0x1011, sub @ 1..) if data == b"load" => {
+                self.loading = Some(sub);
+                self.is_saved &= sub != 1;
+            }
+            _ => {}
+        }
+        self.written.retain(|(known, _)| *known != object);
+        if is_default(node, object, data) == Some(true) {
+            return;
+        }
+        if self.written.len() < OBJECT_LIMIT {
+            self.written.push((object, true));
+        } else {
+            self.is_full = true;
+        }
+    }
+
+    /// Whether a value read is the default; `None` where it need not be.
+    fn judge(&self, node: &Node, object: ObjectAddress, data: &[u8]) -> Option<bool> {
+        let written = self.written.iter().find(|(known, _)| *known == object).map(|(_, is_since)| *is_since);
+        if !self.has_restarted || self.is_full || written == Some(true) || !is_judged(node, object) {
+            return None;
+        }
+        let is_right = is_default(node, object, data)?;
+        // Of other areas nobody knows what the device itself changes, or PDOs.
+        let is_restored = self.restored.is_some_and(|sub| covers(sub, object.index));
+        let is_promised =
+            is_restored && object.index < COMMUNICATION_END && !is_own(object) && written.is_none();
+        (is_right || is_promised).then_some(is_right)
+    }
+}
+
+impl Rule for ObjectDefault {
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        if let EventKind::NmtCommand { service, target, .. } = event.kind {
+            return self.resets.command(service, target);
+        }
+        let Some(node) = event.node else { return };
+        if let Some(cause) = boot(event) {
+            self.booted(node, cause);
+        } else if let EventKind::SdoTransfer(transfer) = &event.kind {
+            self.transfer(event, node, transfer, context);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::profile::{device_file, imported};
+
+    #[test]
+    fn defaults_are_compared_by_type() {
+        let text = "[1400]\nParameterName=a\nObjectType=9\n\
+            [1400sub1]\nParameterName=b\nDataType=7\nAccessType=rw\nDefaultValue=$NODEID+0x80000200\n\
+            [2000]\nParameterName=c\nDataType=8\nAccessType=rw\nDefaultValue=0.1\n\
+            [2001]\nParameterName=d\nDataType=3\nAccessType=rw\nDefaultValue=0xFFFF\n\
+            [2002]\nParameterName=e\nDataType=5\nAccessType=rw\n";
+        let device = imported::device(&Arc::new(device_file::parse(text.as_bytes()).unwrap()), "a.eds");
+        let of = |index, sub, data: &[u8]| {
+            let entry = device.dictionary.find(ObjectAddress::new(index, sub)).unwrap().entry.unwrap();
+            equals(entry, 5, &entry.data_type.unwrap().decode(data))
+        };
+        assert_eq!(of(0x1400, 1, &[0x05, 0x02, 0, 0x80]), Some(true));
+        assert_eq!(of(0x1400, 1, &[0x06, 0x02, 0, 0x80]), Some(false));
+        assert_eq!(of(0x2000, 0, &0.1_f32.to_le_bytes()), Some(true));
+        assert_eq!(of(0x2000, 0, &0.2_f32.to_le_bytes()), Some(false));
+        assert_eq!(of(0x2001, 0, &[0xFF, 0xFF]), Some(true));
+        assert_eq!(of(0x2002, 0, &[0]), None);
+    }
+}

@@ -1,0 +1,69 @@
+//! A value read is not the one that was written.
+
+use crate::event::{Direction, Event, EventKind};
+use crate::profile::little_endian;
+use crate::rules::declaration::declare_rule;
+use crate::rules::general::facts::{about, number};
+use crate::rules::{Context, Rule, Setup};
+use crate::session::OriginKind;
+
+declare_rule! {
+    /// # What it checks
+    /// A communication object (1000–1FFF) that was written and confirmed reads as another value, without a restart
+    /// or another write between. Objects that are commands (1003, 1010, 1011, 1023 to 1026, 1F50 and up) are not
+    /// judged, nor the bits of a COB-ID that are the device's own.
+    ///
+    /// # Why it matters
+    /// The device confirmed a setting that it does not have.
+    ///
+    /// # Source
+    /// CiA 301 §7.2.4.1 (a confirmed download has taken place)
+    ///
+    /// # What to look at first
+    /// Whether the device rounds the value to its steps, and who else writes it.
+    ///
+    /// # Mutation
+    /// change the value in the answer to an upload
+    "read-back", Warning, "a value reads as another one than was written",
+    kinds: ["sdo-transfer"],
+    cases: &["2.2", "3.4", "4.9", "7.5"],
+    word: "SDO",
+}
+
+struct ReadBack;
+
+fn new(_setup: &Setup) -> ReadBack {
+    ReadBack
+}
+
+/// Bits of a COB-ID a device may set by itself: whether it permits remote frames, what it does not use.
+const fn own_bits(index: u16) -> u64 {
+    match index {
+        0x1005 | 0x1012 | 0x1014 | 0x1200..=0x15FF | 0x1800..=0x19FF => 0xC000_0000,
+        _ => 0,
+    }
+}
+
+impl Rule for ReadBack {
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        let EventKind::SdoTransfer(transfer) = &event.kind else { return };
+        let is_command =
+            |index: u16| matches!(index, 0x1003 | 0x1010 | 0x1011 | 0x1023..=0x1026 | 0x1F50..=0x1FFF);
+        let object =
+            transfer.object.filter(|it| (0x1000..0x2000).contains(&it.index) && !is_command(it.index));
+        let Some(object) = object.filter(|_| transfer.direction == Some(Direction::Upload)) else { return };
+        let (Some(read), Some(node)) = (number(transfer), context.node(event)) else { return };
+        let Some(entry) = node.store().seen(object) else { return };
+        let is_written = entry.origin.kind == OriginKind::Download && !entry.stale && entry.value.len() <= 8;
+        if !is_written || node.store().waiting(object).is_some() {
+            return;
+        }
+        let written = little_endian(&entry.value);
+        if (read ^ written) & !own_bits(object.index) == 0 {
+            return context.pass();
+        }
+        let frame = entry.origin.frame;
+        let alarm = context.fail(event).about(about(transfer));
+        alarm.say(|| format!("reads as {read:X}h, but {written:X}h was written and confirmed {{{frame}}}"));
+    }
+}

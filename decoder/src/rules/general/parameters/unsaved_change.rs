@@ -1,0 +1,83 @@
+//! Settings are changed and not stored.
+
+use crate::event::{Direction, Event, EventKind, Outcome};
+use crate::rules::declaration::declare_rule;
+use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::wire::canopen::ObjectAddress;
+
+declare_rule! {
+    /// # What it checks
+    /// Objects that the device keeps on command only were written, and no store command (1010) that covers them
+    /// follows until the capture ends. Off unless it is asked for: a controller that writes its configuration at each
+    /// start need not store it.
+    ///
+    /// # Why it matters
+    /// What was set at commissioning is gone with the next power-off.
+    ///
+    /// # Source
+    /// What a store command keeps: the device's manual; CiA 301 §7.5.2.13 (1010)
+    ///
+    /// # What to look at first
+    /// Whether the settings are meant to stay; then write "save" to the sub-index of 1010 that covers them.
+    ///
+    /// # Mutation
+    /// drop the download of 1010
+    "unsaved-change", Warning, "settings are changed and not stored",
+    kinds: ["sdo-transfer"],
+    is_on: false,
+    word: "SAVE",
+}
+
+/// Objects remembered of a node.
+const OBJECT_LIMIT: usize = 1024;
+
+/// Objects named in a line.
+const NAMED: usize = 6;
+
+#[derive(Default)]
+struct UnsavedChange {
+    /// Objects written, each with its frame.
+    written: NodeMap<Vec<(ObjectAddress, u64)>>,
+}
+
+fn new(_setup: &Setup) -> UnsavedChange {
+    UnsavedChange::default()
+}
+
+impl Rule for UnsavedChange {
+    fn event(&mut self, event: &Event, _context: &mut Context<'_>) {
+        let EventKind::SdoTransfer(transfer) = &event.kind else { return };
+        let is_write =
+            transfer.direction == Some(Direction::Download) && transfer.outcome == Outcome::Complete;
+        let (Some(node), Some(object), true) = (event.node, transfer.object, is_write) else { return };
+        if transfer.persists != Some("needs-save") {
+            return;
+        }
+        let Some(written) = self.written.entry(node) else { return };
+        written.retain(|(known, _)| *known != object);
+        if written.len() < OBJECT_LIMIT {
+            written.push((object, event.frames.last));
+        }
+    }
+
+    fn finish(&mut self, context: &mut Context<'_>) {
+        for (id, written) in self.written.iter() {
+            let Some(node) = context.bus.node(id) else { continue };
+            let mut unsaved = written.clone();
+            unsaved.retain(|(object, _)| node.persists(*object) == Some("not-stored"));
+            let frames = unsaved.iter().map(|(_, frame)| *frame);
+            let Some((first, last)) = frames.clone().min().zip(frames.max()) else {
+                context.pass();
+                continue;
+            };
+            unsaved.sort_unstable();
+            let alarm = context.fail_at(context.now, Some(id), crate::event::FrameRange { first, last });
+            alarm.say(|| {
+                let named: Vec<_> =
+                    unsaved.iter().take(NAMED).map(|(object, _)| object.to_string()).collect();
+                let more = if unsaved.len() > NAMED { ", …" } else { "" };
+                format!("{} objects written and not stored (1010): {}{more}", unsaved.len(), named.join(", "))
+            });
+        }
+    }
+}

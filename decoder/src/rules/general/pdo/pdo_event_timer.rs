@@ -1,0 +1,85 @@
+//! Event timers of TPDOs.
+
+use super::pdo_parameter::PdoParameter;
+use crate::event::{Event, EventKind, Pdo};
+use crate::finding::About;
+use crate::rules::declaration::{declare_rule, tolerance};
+use crate::rules::{BySlot, Context, Rule, Setup};
+
+declare_rule! {
+    /// # What it checks
+    /// A TPDO with an event timer (18xx:05 written or read) comes at least as often as the timer says, while its node
+    /// is operational. It may come earlier, by an event.
+    ///
+    /// # Why it matters
+    /// Consumers watch it by this time: they go to their safe state.
+    ///
+    /// # Source
+    /// CiA 301 §7.5.2.37 (event timer)
+    ///
+    /// # What to look at first
+    /// The steps in which the device can set the time; how busy the node and the bus are.
+    ///
+    /// # Mutation
+    /// drop two PDOs of one with an event timer
+    "pdo-event-timer", Warning, "a TPDO comes later than its event timer",
+    kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames", "link"],
+    cases: &["3.5"],
+    shows: &["3.5"],
+    is_timing: true,
+    word: "PDO",
+    tolerances: &[tolerance("warning-percent", 150.0, "%", "of the timer, and 10 ms")],
+}
+
+/// What any device may be late by, in nanoseconds.
+const SLACK: i64 = 10_000_000;
+
+struct PdoEventTimer {
+    percent: i64,
+    timer: PdoParameter,
+    seen: BySlot<u32>,
+}
+
+fn new(setup: &Setup) -> PdoEventTimer {
+    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+    let percent = setup.tolerance(&DECLARATION, "warning-percent") as i64;
+    PdoEventTimer { percent, timer: PdoParameter::new(5), seen: BySlot::default() }
+}
+
+impl PdoEventTimer {
+    #[inline]
+    fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &mut Context<'_>) {
+        let Some(slot) = context.traffic.current() else { return };
+        let timer = self.timer.of(event, pdo, slot, context);
+        let Some(timer) = timer.and_then(|timer| i64::try_from(timer).ok()).filter(|timer| *timer > 0) else {
+            return;
+        };
+        let Some(seen) = self.seen.of(slot) else { return };
+        let is_first = std::mem::replace(seen, self.timer.generation()) != self.timer.generation();
+        let Some(interval) = slot.interval.filter(|_| !is_first) else { return };
+        let limit = timer.saturating_mul(self.percent).saturating_mul(10_000).saturating_add(SLACK);
+        if interval <= limit {
+            return context.pass();
+        }
+        let (name, after) = (pdo.name, interval / 1_000_000);
+        #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
+        let measure = interval as f64;
+        let alarm = context.fail(event).about(About::Id(pdo.cob_id)).frames(slot.between()).measure(measure);
+        alarm.say(|| format!("{name} after {after} ms; its event timer is {timer} ms"));
+    }
+}
+
+impl Rule for PdoEventTimer {
+    fn wants_pdos(&self) -> bool {
+        self.timer.may_be_known()
+    }
+
+    #[inline]
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        if let EventKind::Pdo(pdo) = &event.kind {
+            self.pdo(event, pdo, context);
+        } else {
+            self.timer.changes(event);
+        }
+    }
+}

@@ -1,0 +1,47 @@
+//! A PDO is longer than its mapping.
+
+use crate::event::{Event, EventKind};
+use crate::finding::About;
+use crate::rules::declaration::declare_rule;
+use crate::rules::general::facts::mapped_bytes;
+use crate::rules::{Context, Rule, Setup};
+
+declare_rule! {
+    /// # What it checks
+    /// A PDO has more bytes than its mapping, where that was seen, is fixed by the device's manual or given.
+    ///
+    /// # Why it matters
+    /// A consumer takes what it expects and ignores the rest, or reports 8220; the bytes beyond are bus load.
+    ///
+    /// # Source
+    /// CiA 301 §7.2.2.3 and table 26 (8220: PDO length exceeded)
+    ///
+    /// # What to look at first
+    /// Whether producer and consumer are configured for the same mapping.
+    ///
+    /// # Mutation
+    /// add a byte to a PDO
+    "pdo-long", Note, "a PDO is longer than its mapping",
+    kinds: ["pdo-mapped"],
+    word: "PDO",
+}
+
+struct PdoLong;
+
+fn new(_setup: &Setup) -> PdoLong {
+    PdoLong
+}
+
+impl Rule for PdoLong {
+    #[inline]
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        let EventKind::Pdo(pdo) = &event.kind else { return };
+        let Some(mapped) = mapped_bytes(pdo) else { return };
+        if u16::from(pdo.length) <= mapped {
+            return context.pass();
+        }
+        let (name, length) = (pdo.name, pdo.length);
+        let alarm = context.fail(event).about(About::Id(pdo.cob_id));
+        alarm.say(|| format!("{name} has {length} bytes, its mapping {mapped}"));
+    }
+}

@@ -1,0 +1,130 @@
+//! PDOs asked for by remote frames.
+
+use crate::event::{Event, EventKind, FrameRange, Pdo};
+use crate::finding::About;
+use crate::frame::CanId;
+use crate::profile::PdoDirection;
+use crate::rules::declaration::{declare_rule, tolerance};
+use crate::rules::general::facts::{PRODUCES, sure};
+use crate::rules::{BySlot, Context, Rule, Setup};
+use crate::wire::NodeId;
+use crate::wire::canopen::NmtState;
+
+declare_rule! {
+    /// # What it checks
+    /// A TPDO that permits remote frames (bit 30 of 18xx:01, written or read, is 0) comes when it is asked for, while
+    /// its node is operational; it does not come for it in another state.
+    ///
+    /// # Why it matters
+    /// A master that polls gets no value; controllers that answer by themselves give an old one.
+    ///
+    /// # Source
+    /// CiA 301 §7.2.2.5.2 (read PDO), §7.5.2.37 (bit 30)
+    ///
+    /// # What to look at first
+    /// Whether the device's CAN controller answers remote frames at all; set bit 30 where it does not.
+    ///
+    /// # Mutation
+    /// drop the answer to a remote frame
+    "pdo-rtr", Warning, "a PDO asked for by a remote frame does not come",
+    kinds: ["pdo"],
+    cases: &["3.3", "3.9", "3.15"],
+    word: "PDO",
+    tolerances: &[tolerance("error-ms", 1_000.0, "ms", "from the remote frame to the PDO")],
+}
+
+/// An answer comes within this time, else it is another PDO, in nanoseconds.
+const ANSWER: i64 = 20_000_000;
+
+#[derive(Clone, Copy)]
+struct Request {
+    at: i64,
+    frame: u64,
+    node: NodeId,
+    id: CanId,
+    state: NmtState,
+}
+
+struct PdoRtr {
+    limit: i64,
+    open: BySlot<Option<Request>>,
+}
+
+fn new(setup: &Setup) -> PdoRtr {
+    PdoRtr { limit: setup.nanoseconds(&DECLARATION, "error-ms"), open: BySlot::default() }
+}
+
+impl PdoRtr {
+    #[cold]
+    fn asked(&mut self, event: &Event, pdo: &Pdo, context: &mut Context<'_>) {
+        let (Some(id), Some(node), Some(slot)) = (event.node, context.node(event), context.traffic.current())
+        else {
+            return;
+        };
+        let cob_id = sure(node, pdo.name.communication_index(), 1);
+        let permits = cob_id.is_some_and(|cob_id| cob_id & PRODUCES == 0);
+        let Some(state) = context.confirmed_state(id) else { return };
+        if pdo.name.direction == PdoDirection::Receive || state == NmtState::Operational && !permits {
+            return;
+        }
+        let place = slot.place;
+        if let Some(open) = self.open.of(slot) {
+            let request =
+                Request { at: context.now, frame: event.frames.last, node: id, id: pdo.cob_id, state };
+            if open.is_none() {
+                *open = Some(request);
+                context.wake_at(context.now.saturating_add(self.limit), place as u64);
+            }
+        }
+    }
+
+    #[cold]
+    fn answered(event: &Event, pdo: &Pdo, request: Request, context: &mut Context<'_>) {
+        if request.state == NmtState::Operational {
+            return context.pass();
+        }
+        // It may have started meanwhile.
+        if context.now.saturating_sub(request.at) > ANSWER {
+            return;
+        }
+        let frames = FrameRange { first: request.frame, last: event.frames.last };
+        let alarm = context.fail(event).about(About::Id(pdo.cob_id)).frames(frames);
+        alarm.say(|| format!("{} comes for a remote frame in state {}", pdo.name, request.state.name()));
+    }
+}
+
+impl Rule for PdoRtr {
+    fn wants_pdos(&self) -> bool {
+        self.open.iter().any(Option::is_some)
+    }
+
+    #[inline]
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        let EventKind::Pdo(pdo) = &event.kind else { return };
+        if pdo.is_request {
+            return self.asked(event, pdo, context);
+        }
+        let place = context.traffic.current().map(|slot| slot.place);
+        let open = place.and_then(|place| self.open.get_mut(place)).and_then(Option::take);
+        if let Some(request) = open {
+            Self::answered(event, pdo, request, context);
+        }
+    }
+
+    fn wake(&mut self, token: u64, context: &mut Context<'_>) {
+        let place = usize::try_from(token).ok();
+        let Some(open) = place.and_then(|place| self.open.get_mut(place)) else { return };
+        let due = context.now.saturating_sub(self.limit);
+        let Some(request) = open.take_if(|request| request.at <= due) else { return };
+        if request.state != NmtState::Operational {
+            return context.pass();
+        }
+        if context.confirmed_state(request.node) != Some(NmtState::Operational) {
+            return;
+        }
+        let (at, limit) = (request.at.saturating_add(self.limit), self.limit / 1_000_000);
+        let frames = FrameRange::one(request.frame);
+        let alarm = context.fail_at(at, Some(request.node), frames).about(About::Id(request.id));
+        alarm.say(|| format!("not sent within {limit} ms of the remote frame {{{}}}", request.frame));
+    }
+}

@@ -1,0 +1,53 @@
+//! A PDO is shorter than its mapping.
+
+use crate::event::{Event, EventKind};
+use crate::finding::About;
+use crate::profile::PdoDirection;
+use crate::rules::declaration::declare_rule;
+use crate::rules::general::facts::mapped_bytes;
+use crate::rules::{Context, Rule, Setup};
+
+declare_rule! {
+    /// # What it checks
+    /// A PDO has fewer bytes than its mapping, where that was seen, is fixed by the device's manual or given.
+    ///
+    /// # Why it matters
+    /// A consumer drops it (EMCY 8210), or works with values that were never sent.
+    ///
+    /// # Source
+    /// CiA 301 §7.2.2.3 and table 26 (8210: PDO not processed due to length error)
+    ///
+    /// # What to look at first
+    /// Whether producer and consumer are configured for the same mapping; who else sends on this identifier.
+    ///
+    /// # Mutation
+    /// cut the last byte of a PDO
+    "pdo-short", Error, "a PDO is shorter than its mapping",
+    kinds: ["pdo-mapped"],
+    cases: &["5.4"],
+    word: "PDO",
+}
+
+struct PdoShort;
+
+fn new(_setup: &Setup) -> PdoShort {
+    PdoShort
+}
+
+impl Rule for PdoShort {
+    #[inline]
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        let EventKind::Pdo(pdo) = &event.kind else { return };
+        let Some(mapped) = mapped_bytes(pdo) else { return };
+        if u16::from(pdo.length) >= mapped {
+            return context.pass();
+        }
+        // A test tool sends them on purpose.
+        if context.is_tested && pdo.name.direction == PdoDirection::Receive {
+            return;
+        }
+        let (name, length) = (pdo.name, pdo.length);
+        let alarm = context.fail(event).about(About::Id(pdo.cob_id)).measure(f64::from(mapped));
+        alarm.say(|| format!("{name} has {length} bytes, its mapping {mapped}"));
+    }
+}

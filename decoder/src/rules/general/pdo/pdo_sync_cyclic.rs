@@ -1,0 +1,115 @@
+//! Synchronous TPDOs against the SYNCs.
+
+use super::pdo_parameter::PdoParameter;
+use crate::event::{Event, EventKind, Pdo};
+use crate::finding::About;
+use crate::frame::CanId;
+use crate::rules::declaration::declare_rule;
+use crate::rules::general::facts::identifier;
+use crate::rules::{BySlot, Context, Rule, Setup};
+use crate::session::Bus;
+use crate::wire::canopen::ObjectAddress;
+
+declare_rule! {
+    /// # What it checks
+    /// A TPDO of transmission type n, 1 to 240 (18xx:02 written or read), comes once in n SYNCs: 20 of them in 20 · n.
+    /// Not judged where nodes obey different SYNCs.
+    ///
+    /// # Why it matters
+    /// Set points and actual values of one cycle no longer belong together; controllers miss samples.
+    ///
+    /// # Source
+    /// CiA 301 §7.2.2.2, §7.5.2.37 (transmission type)
+    ///
+    /// # What to look at first
+    /// Whether the cycle (1006) is too short for the node, and the load of the bus.
+    ///
+    /// # Mutation
+    /// drop every third PDO of a synchronous TPDO
+    "pdo-sync-cyclic", Warning, "a synchronous TPDO does not follow its SYNCs",
+    kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames", "link"],
+    cases: &["3.6", "3.8", "6.3"],
+    shows: &["3.6", "6.3"],
+    word: "SYNC",
+}
+
+/// PDOs that are counted together.
+const COUNT: u64 = 20;
+
+/// SYNCs at the first PDO of those counted, and how many came since.
+#[derive(Clone, Copy, Default)]
+struct Watch {
+    generation: u32,
+    from: u64,
+    count: u64,
+}
+
+struct PdoSyncCyclic {
+    kind: PdoParameter,
+    watches: BySlot<Watch>,
+}
+
+fn new(_setup: &Setup) -> PdoSyncCyclic {
+    PdoSyncCyclic { kind: PdoParameter::new(2), watches: BySlot::default() }
+}
+
+impl PdoSyncCyclic {
+    #[inline]
+    fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &mut Context<'_>) {
+        let Some(slot) = context.traffic.current() else { return };
+        let Some(kind @ 1..=240) = self.kind.of(event, pdo, slot, context) else { return };
+        let syncs = context.traffic.syncs();
+        let generation = self.kind.generation();
+        let Some(watch) = self.watches.of(slot) else { return };
+        if watch.generation != generation {
+            *watch = Watch { generation, from: syncs, count: 0 };
+            return;
+        }
+        watch.count += 1;
+        if watch.count < COUNT {
+            return;
+        }
+        let elapsed = syncs.saturating_sub(watch.from);
+        *watch = Watch { generation, from: syncs, count: 0 };
+        // One may come a SYNC late.
+        if elapsed.abs_diff(COUNT * kind) <= 1 {
+            return context.pass();
+        }
+        if has_several_syncs(context.bus) {
+            return;
+        }
+        let name = pdo.name;
+        let alarm = context.fail(event).about(About::Id(pdo.cob_id));
+        alarm.say(|| {
+            format!("{name} came {COUNT} times in {elapsed} SYNCs; its type {kind} wants one in {kind}")
+        });
+    }
+}
+
+/// Whether nodes may obey a SYNC other than 080.
+fn has_several_syncs(bus: &Bus) -> bool {
+    const SYNC: ObjectAddress = ObjectAddress::new(0x1005, 0);
+    bus.nodes().any(|node| {
+        let default = || {
+            let entry = node.device().dictionary.find(SYNC)?.entry?;
+            u64::try_from(entry.default_number(Some(node.id().number()))?).ok()
+        };
+        let cob_id = node.store().number(SYNC).or_else(default);
+        cob_id.is_some_and(|cob_id| identifier(cob_id & !(3 << 30)) != Some(CanId::standard(0x80)))
+    })
+}
+
+impl Rule for PdoSyncCyclic {
+    fn wants_pdos(&self) -> bool {
+        self.kind.may_be_known()
+    }
+
+    #[inline]
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        if let EventKind::Pdo(pdo) = &event.kind {
+            self.pdo(event, pdo, context);
+        } else {
+            self.kind.changes(event);
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! Aborts with a code that does not fit.
+
+use super::abort_codes::{Situation, situation};
+use super::sdo_situation::situations;
+use crate::event::{Event, EventKind, SdoTransfer};
+use crate::finding::Severity;
+use crate::profile::abort_codes;
+use crate::query::record;
+use crate::rules::declaration::declare_rule;
+use crate::rules::general::facts::about;
+use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::wire::canopen::ObjectAddress;
+
+declare_rule! {
+    /// # What it checks
+    /// A server refuses what it must refuse (a write to a read-only object, an object that does not exist, a value
+    /// beyond its limits, a mapping of a valid PDO, …) with another code than the ones that say so. What it must
+    /// refuse is told by the device's EDS or profile, by CiA 301, and by what was written before. And codes that
+    /// neither CiA 301 nor the device's manual knows. Codes that say "not in this state" are not judged.
+    ///
+    /// # Why it matters
+    /// A master that acts by the code (retries, skips what does not exist) does the wrong thing; people look for
+    /// the wrong cause.
+    ///
+    /// # Source
+    /// CiA 301 §7.2.4.3.17, table 22 (abort codes), §7.5.2 (codes of single objects)
+    ///
+    /// # What to look at first
+    /// The firmware's SDO server; whether the EDS is the one of this firmware.
+    ///
+    /// # Mutation
+    /// change the code of an abort
+    "sdo-abort-code", Warning, "an abort code does not fit",
+    kinds: ["sdo-transfer", "malformed"],
+    cases: &[
+        "2.3", "2.4", "2.5", "2.6", "2.7", "2.8", "2.9", "2.10", "2.11", "2.17", "2.19", "2.20", "2.21", "2.22",
+        "2.23", "2.24", "2.25", "2.26", "2.27", "2.28", "2.29", "2.30", "3.23", "3.24", "3.25", "3.26", "3.28",
+        "3.29", "3.31", "3.32", "4.3", "4.4", "4.5", "4.6", "5.3", "6.5", "6.9", "7.104", "8.1", "8.3", "8.5",
+        "8.7", "8.10", "9.1", "9.2", "9.3", "9.4",
+    ],
+    word: "SDO",
+}
+
+/// Codes that any request may get in some state of the device: out of memory, hardware, local control, state.
+const OF_STATE: [u32; 4] = [0x0504_0005, 0x0606_0000, 0x0800_0021, 0x0800_0022];
+
+#[derive(Default)]
+struct SdoAbortCode {
+    /// Frame of the last request with an unknown command.
+    unknown: NodeMap<u64>,
+}
+
+fn new(_setup: &Setup) -> SdoAbortCode {
+    SdoAbortCode::default()
+}
+
+impl SdoAbortCode {
+    fn aborted(&mut self, event: &Event, transfer: &SdoTransfer, context: &mut Context<'_>) {
+        let Some(abort) = transfer.abort else { return };
+        let (code, device) = (abort.code, record::device(event, context.bus));
+        let is_own = device.abort(code, transfer.object).is_some();
+        if !is_own && abort_codes().find(code).is_none() {
+            let alarm = context.fail(event).about(about(transfer));
+            return alarm.say(|| format!("abort code {code:08X} is none of CiA 301 nor of the device"));
+        }
+        let Some(node) = context.node(event).filter(|_| !abort.by_client && !is_own) else {
+            return context.pass();
+        };
+        let unknown = event.node.and_then(|node| self.unknown.remove(node));
+        let mut names = situations(transfer, node);
+        if transfer.direction.is_none() && unknown.is_some_and(|frame| frame < event.frames.first) {
+            names = vec!["unknown-command"];
+        }
+        let found: Vec<&'static Situation> = names.into_iter().filter_map(situation).collect();
+        if found.is_empty() {
+            return context.pass();
+        }
+        if let Some(met) = found.iter().find(|situation| situation.accepted.contains(&code)) {
+            context.pass();
+            return cases(met, transfer.object).for_each(|case| context.pass_case(case));
+        }
+        if OF_STATE.contains(&code) {
+            return;
+        }
+        let Some(first) = found.first() else { return };
+        cases(first, transfer.object).for_each(|case| context.fail_case(case));
+        // Readers of the history ask for an entry that may not be there.
+        let severity = if first.id == "empty-history" { Severity::Note } else { Severity::Warning };
+        context.fail(event).about(about(transfer)).severity(severity).say(|| {
+            let accepted = first.accepted.iter().map(|code| format!("{code:08X}"));
+            let accepted = accepted.collect::<Vec<_>>().join(" or ");
+            format!(
+                "{}: answered with {code:08X} {}, not with {accepted}",
+                first.text,
+                abort_codes().text(code)
+            )
+        });
+    }
+}
+
+/// Cases of the conformance test in which a situation comes up with this object.
+fn cases(situation: &'static Situation, object: Option<ObjectAddress>) -> impl Iterator<Item = &'static str> {
+    let index = object.map_or(0, |object| object.index);
+    let sub = object.map_or(0, |object| object.sub);
+    let is_its = move |case: &&str| match (situation.id.as_str(), *case) {
+        ("read-only-written", "2.3") | ("no-sub-index", "2.5") => index == 0x1000,
+        ("read-only-written", _) => index != 0x1000,
+        ("no-sub-index", "4.5") => sub == 255,
+        ("no-object", "2.6") => index == 0x1004,
+        ("no-object", _) => (0x1201..=0x12FF).contains(&index),
+        _ => true,
+    };
+    situation.ctt.iter().map(String::as_str).filter(is_its)
+}
+
+impl Rule for SdoAbortCode {
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        match &event.kind {
+            EventKind::SdoTransfer(transfer) => self.aborted(event, transfer, context),
+            EventKind::Malformed { error, .. } if error.layer == "sdo" && error.needed == 0 => {
+                if let Some(frame) = event.node.and_then(|node| self.unknown.entry(node)) {
+                    *frame = event.frames.last;
+                }
+            }
+            _ => {}
+        }
+    }
+}

@@ -1,0 +1,180 @@
+//! What makes a server refuse an SDO request, as far as the bus and the device's dictionary tell.
+
+use crate::event::{Crc, Direction, Mode, SdoIrregularityKind, SdoTransfer};
+use crate::profile::object::Access;
+use crate::profile::{DataType, Device, Object, PdoName, integer, little_endian, plain_device};
+use crate::rules::general::facts::{INVALID, identifier, sure};
+use crate::rules::general::parameters::cob_id_restricted::is_restricted;
+use crate::session::Node;
+use crate::wire::canopen::ObjectAddress;
+
+/// Objects every device has and none lets write (CiA 301 §7.5.2.1, §7.5.2.2, §7.5.2.19).
+const MANDATORY: [u16; 3] = [0x1000, 0x1001, 0x1018];
+
+/// Where the objects of CiA 301 end.
+const COMMUNICATION: u16 = 0x2000;
+
+/// Reserved by CiA 301: no device has it.
+const RESERVED: u16 = 0x1004;
+
+/// Whether the device's own dictionary describes an object, not only a standard.
+pub(in crate::rules::general) fn is_told(device: &Device, object: ObjectAddress) -> bool {
+    device.full_id != plain_device().full_id && device.dictionary.is_own(object)
+}
+
+/// Access by SDO, where what tells it is the device's own word, or the standard leaves it no choice.
+pub(in crate::rules::general) fn access(device: &Device, object: ObjectAddress) -> Option<Access> {
+    let is_told = is_told(device, object) || MANDATORY.contains(&object.index);
+    device.dictionary.find(object).filter(|_| is_told)?.entry?.access
+}
+
+/// Names of what is wrong with a request, in `abort_codes.toml`; several, where any of them may be checked first.
+pub(in crate::rules::general) fn situations(transfer: &SdoTransfer, node: &Node) -> Vec<&'static str> {
+    if let Some(protocol) = of_protocol(transfer) {
+        return vec![protocol];
+    }
+    let (Some(object), Some(direction)) = (transfer.object, transfer.direction) else { return Vec::new() };
+    let mut found = Vec::new();
+    if transfer.mode == Some(Mode::Block) && transfer.size == 0 {
+        found.push("no-block-transfer");
+    }
+    if let Some(missing) = missing(node.device(), object) {
+        found.push(missing);
+        return found;
+    }
+    match (access(node.device(), object), direction) {
+        (Some(Access::Ro | Access::Const), Direction::Download) => found.push("read-only-written"),
+        (Some(Access::Wo), Direction::Upload) => found.push("write-only-read"),
+        _ => {}
+    }
+    if direction == Direction::Upload {
+        if object.index == 0x1003 && object.sub > 0 && sure(node, 0x1003, 0) == Some(0) {
+            found.push("empty-history");
+        }
+        return found;
+    }
+    found.extend(of_length(transfer, node.device(), object));
+    if transfer.data.is_empty() || transfer.truncated || transfer.data.len() > 8 {
+        return found;
+    }
+    found.extend(of_range(transfer));
+    found.extend(of_object(little_endian(&transfer.data), &transfer.data, node, object));
+    found
+}
+
+/// What is wrong with the protocol rather than the object.
+fn of_protocol(transfer: &SdoTransfer) -> Option<&'static str> {
+    let by_client = transfer.irregularity.filter(|irregularity| irregularity.by_client);
+    match by_client.map(|irregularity| irregularity.what) {
+        Some(SdoIrregularityKind::Toggle) => Some("wrong-toggle"),
+        Some(SdoIrregularityKind::BlockSize) => Some("block-size"),
+        Some(SdoIrregularityKind::Sequence) => Some("block-sequence"),
+        None => (transfer.crc == Some(Crc::Wrong)).then_some("block-crc"),
+    }
+}
+
+/// What does not exist.
+fn missing(device: &Device, object: ObjectAddress) -> Option<&'static str> {
+    if object.index == RESERVED {
+        return Some("no-object");
+    }
+    let has_index = |list: &[Object]| list.iter().any(|known| known.nth(object.index).is_some());
+    if device.is_file_alone() {
+        let own = device.dictionary.own();
+        return match has_index(own) {
+            false if object.index >= 0x1000 => Some("no-object"),
+            true if !device.dictionary.is_own(object) => Some("no-sub-index"),
+            _ => None,
+        };
+    }
+    let is_variable = object.index < COMMUNICATION
+        && object.sub != 0
+        && device.dictionary.find(object).is_none()
+        && device.dictionary.find(ObjectAddress::new(object.index, 0)).is_some();
+    is_variable.then_some("no-sub-index")
+}
+
+/// Bytes that do not fit the type. Four may mean that their number was not told.
+fn of_length(transfer: &SdoTransfer, device: &Device, object: ObjectAddress) -> Option<&'static str> {
+    let is_told = is_told(device, object) || object.index < COMMUNICATION;
+    let bits = device.dictionary.data_type(object).and_then(DataType::bits).filter(|_| is_told)?;
+    let sent = transfer.announced.map_or(transfer.size, u64::from);
+    let wanted = u64::from(bits.div_ceil(8));
+    let says_length = transfer.abort.is_some_and(|abort| abort.code >> 16 == 0x0607);
+    if sent > wanted && (sent != 4 || says_length) {
+        return Some("too-long");
+    }
+    (sent > 0 && sent < wanted).then_some("too-short")
+}
+
+fn of_range(transfer: &SdoTransfer) -> Vec<&'static str> {
+    let Some(meaning) = transfer.meaning.as_deref() else { return Vec::new() };
+    let value = meaning.decode(&transfer.data);
+    if !meaning.is_outside(&value) {
+        return Vec::new();
+    }
+    match (meaning.range, integer(&value)) {
+        (Some([_, most]), Some(number)) if number > most => vec!["too-high"],
+        (Some([least, _]), Some(number)) if number < least => vec!["too-low"],
+        _ => vec!["too-high", "too-low"],
+    }
+}
+
+/// What CiA 301 says of single objects.
+fn of_object(number: u64, data: &[u8], node: &Node, object: ObjectAddress) -> Option<&'static str> {
+    if is_restricted_write(object, number) {
+        return Some("restricted-can-id");
+    }
+    match (object.index, object.sub) {
+        (0x1003, 0) => (number != 0).then_some("history-count"),
+        (0x1010, 1..) => (data != b"save").then_some("wrong-signature"),
+        (0x1011, 1..) => (data != b"load").then_some("wrong-signature"),
+        (0x1016, 1..) => is_second(node, object, number).then_some("same-producer-twice"),
+        (0x1019, 0) if matches!(number, 1 | 241..=255) => Some("counter-overflow-value"),
+        (0x1019, 0) => sure(node, 0x1006, 0).filter(|period| *period != 0).map(|_| "counter-overflow-locked"),
+        (0x1600..=0x17FF | 0x1A00..=0x1BFF, sub) => of_mapping(node, object, sub, number),
+        _ => None,
+    }
+}
+
+/// Whether an identifier is written that CiA 301 keeps for others.
+pub(in crate::rules::general) fn is_restricted_write(object: ObjectAddress, number: u64) -> bool {
+    let holds_id = match (object.index, object.sub) {
+        (0x1005 | 0x1012 | 0x1014, 0) | (0x1280..=0x12FF, 1 | 2) => true,
+        (index, 1) => PdoName::of_parameter(index).is_some_and(|name| name.communication_index() == index),
+        _ => false,
+    };
+    holds_id && identifier(number & !of_use(object.index)).is_some_and(is_restricted)
+}
+
+/// Bits of a COB-ID that do not say whether it is valid.
+const fn of_use(index: u16) -> u64 {
+    match index {
+        0x1005 | 0x1012 => 3 << 30,
+        _ => 1 << 30,
+    }
+}
+
+/// Whether the heartbeat consumer list has the producer at another place.
+fn is_second(node: &Node, object: ObjectAddress, number: u64) -> bool {
+    let producer = |entry: u64| (entry >> 16 & 0x7F, entry & 0xFFFF);
+    let (id, time) = producer(number);
+    let others = (1..=127_u8).filter(|sub| *sub != object.sub);
+    let mut others = others.filter_map(|sub| sure(node, 0x1016, sub)).map(producer);
+    id != 0 && time != 0 && others.any(|(other, time)| other == id && time != 0)
+}
+
+/// What CiA 301 §7.5.2.36 wants before a mapping is written.
+fn of_mapping(node: &Node, object: ObjectAddress, sub: u8, number: u64) -> Option<&'static str> {
+    let name = PdoName::of_parameter(object.index)?;
+    if sure(node, name.communication_index(), 1).is_some_and(|cob_id| cob_id & INVALID == 0) {
+        return Some("mapping-of-valid-pdo");
+    }
+    if sub > 0 {
+        return sure(node, object.index, 0).filter(|count| *count != 0).map(|_| "mapping-enabled");
+    }
+    let count = u8::try_from(number).ok()?.min(64);
+    let bits: Option<u64> =
+        (1..=count).map(|sub| sure(node, object.index, sub).map(|entry| entry & 0xFF)).sum();
+    bits.filter(|bits| *bits > 64).map(|_| "mapping-too-large")
+}

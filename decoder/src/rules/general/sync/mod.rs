@@ -1,0 +1,5 @@
+//! Rules about SYNC.
+
+pub(super) mod sync_counter;
+pub(super) mod sync_period;
+pub(super) mod sync_producer;

@@ -1,0 +1,237 @@
+//! SYNC does not come in its period.
+
+use crate::event::{Event, EventKind, FrameRange};
+use crate::finding::{About, Severity};
+use crate::rules::declaration::{declare_rule, tolerance};
+use crate::rules::general::facts::sure_of;
+use crate::rules::{Context, Rule, Setup};
+use crate::session::{Bus, Node};
+use crate::wire::canopen::ObjectAddress;
+
+declare_rule! {
+    /// # What it checks
+    /// SYNC comes later or earlier than the communication cycle period (1006) of its producer says; where that was
+    /// not seen, than its usual period. Two SYNC streams within one another, and two nodes that are both configured
+    /// to produce it (bit 30 of 1005), are an error. Where nodes use another identifier for SYNC nothing is judged.
+    ///
+    /// # Why it matters
+    /// Synchronous PDOs and set points act at SYNC: what is meant to happen together does not.
+    ///
+    /// # Source
+    /// CiA 301 §7.2.5 (SYNC), §7.5.2.5 (1005), §7.5.2.6 (1006)
+    ///
+    /// # What to look at first
+    /// Load of the producer and of the bus; which node has bit 30 of 1005 set.
+    ///
+    /// # Mutation
+    /// drop a SYNC; insert a second stream of SYNC
+    "sync-period", Error, "SYNC does not come in its period",
+    kinds: ["sync", "sdo-transfer", "boot-up"],
+    is_timing: true,
+    word: "SYNC",
+    tolerances: &[
+        tolerance("given-percent", 10.0, "%", "deviation from 1006, a warning"),
+        tolerance("usual-percent", 20.0, "%", "deviation from the median where 1006 was not seen, a warning"),
+    ],
+}
+
+/// Cycle period in microseconds, and COB-ID of SYNC with bit 30 for its producer.
+const PERIOD: ObjectAddress = ObjectAddress::new(0x1006, 0);
+const COB_ID: ObjectAddress = ObjectAddress::new(0x1005, 0);
+
+/// Bit 30 of 1005: this device produces SYNC; bits 0 to 28 are the identifier.
+const PRODUCES: u64 = 1 << 30;
+const IDENTIFIER: u64 = 0x1FFF_FFFF;
+const PREDEFINED: u64 = 0x80;
+
+/// Intervals the median is taken of, and how many of them must be near it for SYNC to be cyclic.
+const WINDOW: usize = 16;
+const NEAR: usize = 12;
+
+/// Steps stamps may have, in nanoseconds.
+const COARSEST: i64 = 1_000_000_000;
+
+struct SyncPeriod {
+    given_share: f64,
+    usual_share: f64,
+    /// Time of the last SYNC, and its frame.
+    last: Option<(i64, u64)>,
+    intervals: [i64; WINDOW],
+    filled: usize,
+    median: Option<i64>,
+    given: Option<i64>,
+    /// Nodes use other identifiers.
+    is_mixed: bool,
+    /// Stamps are multiples of it behind the first one.
+    step: i64,
+    first: i64,
+    is_double: bool,
+}
+
+fn new(setup: &Setup) -> SyncPeriod {
+    let share = |key| setup.tolerance(&DECLARATION, key) / 100.0;
+    SyncPeriod {
+        given_share: share("given-percent"),
+        usual_share: share("usual-percent"),
+        last: None,
+        intervals: [0; WINDOW],
+        filled: 0,
+        median: None,
+        given: None,
+        is_mixed: false,
+        step: COARSEST,
+        first: 0,
+        is_double: false,
+    }
+}
+
+impl SyncPeriod {
+    fn sync(&mut self, event: &Event, context: &mut Context<'_>) {
+        let Some(stamp) = event.time.filter(|_| !self.is_mixed) else { return };
+        let now = context.now;
+        let Some((last, frame)) = self.last.replace((now, event.frames.last)) else {
+            self.first = stamp.0;
+            return;
+        };
+        while self.step > 1 && stamp.0.saturating_sub(self.first) % self.step != 0 {
+            self.step /= 10;
+        }
+        let interval = now.saturating_sub(last);
+        self.intervals.rotate_left(1);
+        if let Some(newest) = self.intervals.last_mut() {
+            *newest = interval;
+        }
+        self.filled = self.filled.saturating_add(1);
+        let (reference, share) = match (self.given, self.median) {
+            (Some(given), _) => (Some(given), self.given_share),
+            (None, median) => (median, self.usual_share),
+        };
+        let frames = FrameRange { first: frame, last: event.frames.last };
+        let is_full = self.filled.is_multiple_of(WINDOW);
+        if is_full {
+            self.learn();
+        }
+        let is_near = reference.is_some_and(|period| self.is_near(interval, period, share));
+        if self.filled >= WINDOW && (is_full || !is_near) {
+            self.streams(event, reference, context);
+        }
+        let Some(period) = reference.filter(|_| !self.is_double) else { return };
+        if is_near {
+            return context.pass();
+        }
+        let source = if self.given.is_some() { "1006 says" } else { "usual" };
+        #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
+        let measure = interval.abs_diff(period) as f64;
+        let alarm = context.fail(event).severity(Severity::Warning).measure(measure).frames(frames);
+        alarm.say(|| format!("SYNC after {}; {source} {}", milliseconds(interval), milliseconds(period)));
+    }
+
+    /// A digit of the stamps is no deviation.
+    fn is_near(&self, interval: i64, period: i64, share: f64) -> bool {
+        #[expect(clippy::cast_precision_loss, reason = "times to compare")]
+        let (off, most) = (interval.abs_diff(period) as f64, period as f64 * share + self.step as f64);
+        off <= most
+    }
+
+    /// The usual interval, if most of the last ones are near it.
+    fn learn(&mut self) {
+        let mut sorted = self.intervals;
+        sorted.sort_unstable();
+        let Some(median) = sorted.get(WINDOW / 2).copied() else { return };
+        let near =
+            sorted.iter().filter(|interval| self.is_near(**interval, median, self.usual_share)).count();
+        if near >= NEAR {
+            self.median = Some(median);
+        }
+    }
+
+    /// Whether the last intervals are those of two producers.
+    fn streams(&mut self, event: &Event, reference: Option<i64>, context: &mut Context<'_>) {
+        let was_double = std::mem::replace(&mut self.is_double, false);
+        let Some([one, other]) = self.two_streams(reference) else {
+            if was_double {
+                context.close(None, About::Whole);
+            }
+            return;
+        };
+        self.is_double = true;
+        if was_double {
+            return;
+        }
+        let alarm = context.fail(event).ongoing();
+        alarm.say(|| {
+            let [one, other, together] = [one, other, one + other].map(milliseconds);
+            format!("two producers: SYNC after {one} and {other} in turn, each its own period of {together}")
+        });
+    }
+
+    /// Mean intervals where short and long ones take turns and together are the period.
+    fn two_streams(&self, reference: Option<i64>) -> Option<[i64; 2]> {
+        let half = i64::try_from(WINDOW / 2).ok()?;
+        let means = [0, 1].map(|from| self.intervals.iter().skip(from).step_by(2).sum::<i64>() / half);
+        let [one, other] = means;
+        let both = one + other;
+        let is_steady = self.intervals.chunks_exact(2).all(|pair| {
+            pair.iter().zip(means).all(|(interval, mean)| self.is_near(*interval, mean, self.usual_share))
+        });
+        let differ = one.abs_diff(other) > both.unsigned_abs() / 5 + self.step.unsigned_abs() * 2;
+        let fits = reference.is_none_or(|period| self.is_near(both, period, self.usual_share));
+        (is_steady && differ && fits).then_some(means)
+    }
+
+    /// What the configuration of the nodes says.
+    fn configured(&mut self, bus: &Bus) {
+        let of_any = bus.nodes().filter_map(|node| sure_of(node, COB_ID));
+        self.is_mixed = of_any.into_iter().any(|id| id & IDENTIFIER != PREDEFINED);
+        let periods =
+            bus.nodes().filter_map(|node| Some((node, sure_of(node, PERIOD).filter(|period| *period > 0)?)));
+        let produced = |node: &Node| sure_of(node, COB_ID).is_some_and(|id| id & PRODUCES != 0);
+        let mut all: Vec<_> = periods.map(|(node, period)| (produced(node), period)).collect();
+        if all.iter().any(|(produces, _)| *produces) {
+            all.retain(|(produces, _)| *produces);
+        }
+        all.dedup();
+        let given = match all.as_slice() {
+            [(_, period)] => i64::try_from(*period).ok().map(|period| period.saturating_mul(1000)),
+            _ => None,
+        };
+        if given != self.given {
+            self.given = given;
+            (self.last, self.median, self.filled) = (None, None, 0);
+        }
+    }
+
+    fn producers(event: &Event, context: &mut Context<'_>) {
+        let produces = |node: &&Node| sure_of(node, COB_ID).is_some_and(|id| id & PRODUCES != 0);
+        let all: Vec<String> =
+            context.bus.nodes().filter(produces).map(|node| node.id().to_string()).collect();
+        if all.len() > 1 {
+            let alarm = context.fail(event).about(About::Object(COB_ID));
+            alarm.say(|| format!("nodes {} are all configured to produce SYNC", all.join(", ")));
+        }
+    }
+}
+
+fn milliseconds(time: i64) -> String {
+    #[expect(clippy::cast_precision_loss, reason = "a time to read")]
+    let milliseconds = time as f64 / 1e6;
+    format!("{milliseconds:.1} ms")
+}
+
+impl Rule for SyncPeriod {
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        match &event.kind {
+            EventKind::Sync { .. } if !event.presumed => self.sync(event, context),
+            EventKind::SdoTransfer(transfer) => match transfer.object {
+                Some(PERIOD) => self.configured(context.bus),
+                Some(COB_ID) => {
+                    self.configured(context.bus);
+                    Self::producers(event, context);
+                }
+                _ => {}
+            },
+            EventKind::BootUp { .. } => self.configured(context.bus),
+            _ => {}
+        }
+    }
+}
