@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use crate::support::workspace;
 
 /// Which folders and files of `decoder/src` may name which: the data flows from left to right, and
-/// `decoder.rs` alone knows every stage; `samples.rs` runs it. `lib.rs` only lists them.
+/// `decoder.rs` alone knows every stage; `samples/` runs it. `lib.rs` only lists them.
 const LAYERS: &[(&str, &[&str])] = &[
     ("words", &[]),
     ("ascii", &[]),

@@ -24,7 +24,7 @@ const NAMES: &[u8] = b"time,bus,id,extended,remote,error,fd,brs,esi,direction,dl
 const SECOND: u64 = 1_000_000_000;
 
 /// The format.
-pub(super) const WRITABLE: WritableFormat = WritableFormat {
+pub(in crate::capture::formats) const WRITABLE: WritableFormat = WritableFormat {
     name: "csv",
     suffix: "csv",
     title: "CSV of frames",

@@ -14,8 +14,8 @@
 
 use std::fmt;
 
-use super::super::text::excerpt;
 use super::{Begun, hexadecimal};
+use crate::capture::text::lines::excerpt;
 use crate::frame::{CanId, Frame, FrameFlags, fd_length};
 
 /// Longest line that is read, in bytes without its end; the longest frame has 142.

@@ -1,6 +1,6 @@
 //! What is wrong with a profile beyond its grammar: types, ranges, references, cycles, duplicates.
 //!
-//! Samples are run by `samples.rs`, which knows the decoder.
+//! Samples are run by `samples/`, which knows the decoder.
 
 mod behaviour;
 mod ids;
