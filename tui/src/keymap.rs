@@ -1,10 +1,12 @@
-//! All keys: one table, from which help and footers are made.
+//! All keys: tables from which help and footers are made. The registry of panes gives the digits.
 
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 
-use crate::app::Action;
+use crate::action::Action;
+use crate::panes::PaneId;
 
 /// Keys for one action.
+#[derive(Clone, Copy)]
 pub struct Binding {
     /// Keys, as [`parse`] reads them; the first one is shown in footers.
     pub keys: &'static [&'static str],
@@ -59,8 +61,11 @@ const fn key(
     Binding { keys, action, short, help, group }
 }
 
-/// The keymap.
-pub const KEYMAP: &[Binding] = &[
+/// Keys of panes, in their order; a tenth pane has none.
+const DIGITS: [&[&str]; 9] = [&["1"], &["2"], &["3"], &["4"], &["5"], &["6"], &["7"], &["8"], &["9"]];
+
+/// Keys of actions.
+const ACTIONS: &[Binding] = &[
     key(&["j", "down"], Action::Down, "down", "one line down", Group::Move),
     key(&["k", "up"], Action::Up, "up", "one line up", Group::Move),
     key(&["right"], Action::Right, "right", "next column; on in time in a plot", Group::Move),
@@ -116,32 +121,33 @@ pub const KEYMAP: &[Binding] = &[
     key(&["w", "f2"], Action::Export, "export", "write the selection, else everything, to a file", Group::Do),
     key(&["tab"], Action::NextPane, "pane", "next pane", Group::Program),
     key(&["shift-tab"], Action::PreviousPane, "pane", "previous pane", Group::Program),
-    key(&["1"], Action::Pane(1), "1-9", "Nodes", Group::Program),
-    key(&["2"], Action::Pane(2), "", "Events", Group::Program),
-    key(&["3"], Action::Pane(3), "", "Frames", Group::Program),
-    key(&["4"], Action::Pane(4), "", "Detail", Group::Program),
-    key(&["5"], Action::Pane(5), "", "Signals", Group::Program),
-    key(&["6"], Action::Pane(6), "", "Transfers", Group::Program),
-    key(&["7"], Action::Pane(7), "", "Objects", Group::Program),
-    key(&["8"], Action::Pane(8), "", "Findings", Group::Program),
-    key(&["9"], Action::Pane(9), "", "Bus", Group::Program),
+];
+
+/// Keys of the program, which the help lists after those of the panes.
+const PROGRAM: &[Binding] = &[
     key(&["T"], Action::Theme, "theme", "dark, light, no colours", Group::Program),
     key(&["?", "f1"], Action::Help, "help", "this", Group::Program),
     key(&["q", "f10", "ctrl-c"], Action::Quit, "quit", "leave the program", Group::Program),
 ];
 
+/// All keys, in the order of the help.
+pub fn keymap() -> impl Iterator<Item = Binding> {
+    let panes =
+        DIGITS.into_iter().zip(PaneId::ALL).zip(1..).map(|((keys, pane), number)| {
+            key(keys, Action::Pane(number), "pane", pane.title(), Group::Program)
+        });
+    ACTIONS.iter().copied().chain(panes).chain(PROGRAM.iter().copied())
+}
+
 /// The action of a key.
 pub fn action(event: &KeyEvent) -> Option<Action> {
     let pressed = normal(*event);
-    KEYMAP
-        .iter()
-        .find(|binding| binding.keys.iter().any(|name| parse(name) == Some(pressed)))
-        .map(|b| b.action)
+    keymap().find(|binding| binding.keys.iter().any(|name| parse(name) == Some(pressed))).map(|b| b.action)
 }
 
 /// The binding of an action.
-pub fn binding(action: Action) -> Option<&'static Binding> {
-    KEYMAP.iter().find(|binding| binding.action == action)
+pub fn binding(action: Action) -> Option<Binding> {
+    keymap().find(|binding| binding.action == action)
 }
 
 /// Without what terminals differ in: shift is in the character already.
@@ -211,7 +217,7 @@ mod tests {
     #[test]
     fn every_key_has_one_action_and_can_be_read() {
         let mut seen = Vec::new();
-        for name in KEYMAP.iter().flat_map(|binding| binding.keys) {
+        for name in keymap().flat_map(|binding| binding.keys) {
             let key = parse(name).unwrap_or_else(|| panic!("{name}"));
             assert!(!seen.contains(&key), "{name} twice");
             seen.push(key);

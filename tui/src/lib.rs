@@ -1,6 +1,8 @@
 //! `cobscope`: reads CAN traffic and says what the devices did, in lines, in a terminal UI and in CI.
 
+pub mod action;
 pub mod app;
+mod bucket;
 mod cli;
 mod cmd;
 mod exit_code;
@@ -10,6 +12,7 @@ pub mod panes;
 mod record;
 mod select;
 mod source;
+mod state;
 mod terminal;
 pub mod theme;
 pub mod timeline;
@@ -55,5 +58,5 @@ pub fn live_over_datagrams(arguments: &[String], socket: std::net::UdpSocket) ->
     let cli::Command::Live(live) = cli::Cli::try_parse_from(words)?.command else {
         anyhow::bail!("{} is not the command live", arguments.join(" "));
     };
-    cmd::live_over_datagrams(&live, socket)
+    cmd::over_datagrams(&live, socket)
 }

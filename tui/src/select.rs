@@ -12,7 +12,6 @@ use cobscope_decoder::query::Filter;
 use cobscope_decoder::session::Bus;
 use jiff::tz::TimeZone;
 
-use crate::cli::SelectArgs;
 use crate::figures::seconds;
 
 /// Digits behind the point that a nanosecond needs.
@@ -114,22 +113,11 @@ pub struct Selection {
 }
 
 impl Selection {
-    /// What the command line says.
-    ///
     /// # Errors
-    /// When nothing can lie between the bounds.
-    pub fn new(arguments: &SelectArgs) -> anyhow::Result<Self> {
-        let SelectArgs { filter, from, to } = arguments;
-        ensure_order(*from, *to)?;
-        Ok(Self { filter: filter.clone(), from: *from, to: *to, ..Self::default() })
-    }
-
-    /// Between two bounds.
-    ///
-    /// # Errors
-    /// When nothing can lie between them.
-    pub fn between(from: Option<Bound>, to: Option<Bound>) -> anyhow::Result<Self> {
-        Self::new(&SelectArgs { filter: None, from, to })
+    /// If `from` is after `to`.
+    pub fn new(filter: Option<Filter>, from: Option<Bound>, to: Option<Bound>) -> anyhow::Result<Self> {
+        ensure_order(from, to)?;
+        Ok(Self { filter, from, to, ..Self::default() })
     }
 
     /// Whether a filter chooses.

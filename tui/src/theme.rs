@@ -9,6 +9,7 @@
 //! Widgets and panes ask for a [`Role`], never for a colour. A role is a row of a table; what must be told
 //! apart differs in every depth, so that nothing is said by colour alone.
 
+use cobscope_decoder::sink::text::Tone;
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::symbols::border;
 
@@ -51,6 +52,17 @@ pub enum Role {
     Search,
     /// Something Enter leads to.
     Link,
+}
+
+/// How the tone of a line looks.
+pub fn role_of(tone: Tone) -> Role {
+    match tone {
+        Tone::Plain => Role::Text,
+        Tone::Quiet => Role::Quiet,
+        Tone::Good => Role::Good,
+        Tone::Caution => Role::Caution,
+        Tone::Bad => Role::Bad,
+    }
 }
 
 /// How many looks of [`Role::Highlight`] differ.

@@ -104,6 +104,24 @@ pub fn section<'a>(explanation: &'a str, heading: &str) -> Option<&'a str> {
     None
 }
 
+/// Headings with their text, each in one paragraph.
+pub fn sections(explanation: &str) -> Vec<(&str, String)> {
+    let mut all: Vec<(&str, String)> = Vec::new();
+    for line in explanation.lines() {
+        match (line.strip_prefix("# "), all.last_mut()) {
+            (Some(heading), _) => all.push((heading.trim(), String::new())),
+            (None, Some((_, text))) if !line.trim().is_empty() => {
+                if !text.is_empty() {
+                    text.push(' ');
+                }
+                text.push_str(line.trim());
+            }
+            _ => {}
+        }
+    }
+    all
+}
+
 /// An explanation as it is read: without the blank each line begins with, and without what is for tests only.
 pub fn manual(explanation: &str) -> String {
     let lines = explanation.lines().map(|line| line.strip_prefix(' ').unwrap_or(line));

@@ -21,7 +21,7 @@ pub use context::meter::{Meter, Second};
 pub use context::nodes::{NodeMap, NodeSet};
 pub use context::traffic::{BySlot, PdoSlot, Traffic};
 pub use context::{Alarm, Context};
-pub use declaration::{Declaration, HEADINGS, Tolerance, manual, section};
+pub use declaration::{Declaration, HEADINGS, Tolerance, manual, section, sections};
 pub use engine::names::check_names;
 pub use engine::setup::Setup;
 pub use engine::{Engine, Judge};

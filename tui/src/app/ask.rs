@@ -1,10 +1,10 @@
 //! What is asked at the prompt, and what is done with the answer.
 
 use cobscope_decoder::query::Filter;
-use regex_lite::Regex;
 
-use super::{App, Asking, Mode, Place, Sought};
+use super::{App, Asking, Mode};
 use crate::select::Bound;
+use crate::state::{Place, Sought, pattern};
 use crate::timeline::{Export, Matcher};
 use crate::widgets::prompt::{Prompt, PromptEvent};
 
@@ -163,16 +163,6 @@ fn check(asking: Asking, text: &str) -> Result<(), (usize, String)> {
     }
 }
 
-/// A pattern; without capital letters in it case does not matter.
-///
-/// # Errors
-/// What is wrong with it.
-pub fn pattern(text: &str) -> Result<Regex, String> {
-    let is_any_case = !text.chars().any(char::is_uppercase);
-    let written = if is_any_case { format!("(?i){text}") } else { text.to_owned() };
-    Regex::new(&written).map_err(|error| error.to_string())
-}
-
 /// A step from here, or a place.
 fn place(text: &str) -> Option<Result<i64, Bound>> {
     let text = text.trim();
@@ -205,12 +195,5 @@ mod tests {
         assert_eq!(place("#7"), Some(Err(Bound::Frame(7))));
         assert_eq!(place("-#7"), None);
         assert_eq!(place("later"), None);
-    }
-
-    #[test]
-    fn a_search_minds_case_only_if_it_is_typed_with_some() {
-        assert!(pattern("emcy").unwrap().is_match("EMCY"));
-        assert!(!pattern("Emcy").unwrap().is_match("EMCY"));
-        assert!(pattern("[").is_err());
     }
 }

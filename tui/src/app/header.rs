@@ -8,8 +8,8 @@ use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
-use super::Core;
 use crate::source::live::Live;
+use crate::state::Core;
 use crate::theme::Role;
 use crate::widgets::draw;
 

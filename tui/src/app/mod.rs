@@ -5,30 +5,22 @@
 //!                                                   └────────────view, panes──────────▶ screen
 //! ```
 
-mod action;
 mod ask;
-mod core;
 mod header;
 mod news;
 mod start;
 mod update;
 mod view;
 
-pub use action::{Action, Effect};
-pub use ask::pattern;
-pub use core::{Core, NodeKey, Place, Sought};
 pub use start::{Start, quoted};
 pub use update::Output;
 
-use cobscope_decoder::sink::text::Tone;
 use ratatui::crossterm::event::KeyEvent;
 use ratatui::layout::Rect;
 
-pub use crate::panes::PaneId;
-use crate::panes::Panes;
-use crate::theme::Role;
+use crate::panes::{PaneId, Panes};
+use crate::state::Core;
 use crate::timeline::News;
-pub use crate::timeline::SignalKey;
 use crate::widgets::prompt::Prompt;
 
 /// The application.
@@ -149,16 +141,5 @@ impl App {
             || is_searching
             || timeline.is_tracing()
             || !(timeline.grows() || timeline.progress().is_complete() && self.is_surveyed)
-    }
-}
-
-/// How the tone of a line looks.
-pub fn role_of(tone: Tone) -> Role {
-    match tone {
-        Tone::Plain => Role::Text,
-        Tone::Quiet => Role::Quiet,
-        Tone::Good => Role::Good,
-        Tone::Caution => Role::Caution,
-        Tone::Bad => Role::Bad,
     }
 }

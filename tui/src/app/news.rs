@@ -1,6 +1,7 @@
 //! To the next finding, the next error.
 
-use super::{App, Place};
+use super::App;
+use crate::state::Place;
 
 impl App {
     pub(super) fn finding(&mut self, is_forward: bool) {

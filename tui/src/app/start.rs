@@ -5,9 +5,10 @@ use std::fmt::Write as _;
 use cobscope_decoder::query::Filter;
 use ratatui::layout::Rect;
 
-use super::{App, Core, Mode, PaneId, Place};
-use crate::panes::Panes;
+use super::{App, Mode};
+use crate::panes::{PaneId, Panes};
 use crate::select::Bound;
+use crate::state::{Core, Place};
 use crate::theme::Theme;
 use crate::timeline::{Matcher, Timeline};
 

@@ -3,8 +3,10 @@
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers, MouseButton, MouseEvent, MouseEventKind};
 use ratatui::layout::Position;
 
-use super::{Action, App, Asking, Effect, Mode, PaneId, view};
+use super::{App, Asking, Mode, view};
+use crate::action::Action;
 use crate::keymap;
+use crate::panes::{Effect, PaneId};
 use crate::theme::{Depth, Palette};
 use crate::timeline::Matcher;
 
@@ -144,26 +146,27 @@ impl App {
             Action::SetMark => self.mode = Mode::Letter { is_new: true },
             Action::ToMark => self.mode = Mode::Letter { is_new: false },
             Action::FilterCell => self.filter_cell(),
-            Action::News => {
-                let only_news = !self.core.matcher.only_news;
-                self.core.show(Matcher { only_news, ..self.core.matcher.clone() });
-                self.core.say(if only_news { "only what says something new" } else { "all events" });
-            }
-            Action::Copy => match self.panes.get(self.pane).and_then(|pane| pane.line(&self.core)) {
-                Some(line) => self.apply(vec![Effect::Copy(line)]),
-                None => self.core.refuse("nothing is selected"),
-            },
-            Action::CopyCommand => self.apply(vec![Effect::Copy(self.command())]),
+            Action::News => self.toggle_news(),
+            Action::Copy => self.copy_line(),
             Action::Theme => self.next_theme(),
-            Action::Clear => {
-                self.core.sought = None;
-                if self.core.matcher.filter.is_some() {
-                    self.filter("");
-                }
-                self.pass(action);
-            }
+            Action::Clear => self.clear(),
             Action::Back => self.back(),
-            _ => self.pass(action),
+            Action::Up
+            | Action::Down
+            | Action::Left
+            | Action::Right
+            | Action::PageUp
+            | Action::PageDown
+            | Action::Top
+            | Action::Bottom
+            | Action::Open
+            | Action::Toggle
+            | Action::Sort
+            | Action::Highlight
+            | Action::Plot
+            | Action::ZoomIn
+            | Action::ZoomOut
+            | Action::SetCursor => self.pass(action),
         }
     }
 
@@ -182,6 +185,27 @@ impl App {
         self.core.is_following = !self.core.is_following;
         self.core.say(if self.core.is_following { "following what comes" } else { "staying here" });
         self.core.follow();
+    }
+
+    fn toggle_news(&mut self) {
+        let only_news = !self.core.matcher.only_news;
+        self.core.show(Matcher { only_news, ..self.core.matcher.clone() });
+        self.core.say(if only_news { "only what says something new" } else { "all events" });
+    }
+
+    fn copy_line(&mut self) {
+        match self.panes.get(self.pane).and_then(|pane| pane.line(&self.core)) {
+            Some(line) => self.apply(vec![Effect::Copy(line)]),
+            None => self.core.refuse("nothing is selected"),
+        }
+    }
+
+    fn clear(&mut self) {
+        self.core.sought = None;
+        if self.core.matcher.filter.is_some() {
+            self.filter("");
+        }
+        self.pass(Action::Clear);
     }
 
     /// Lets the pane do it.

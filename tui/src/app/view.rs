@@ -15,8 +15,9 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
-use super::{App, Mode, PaneId, header};
-use crate::keymap::{self, Group, KEYMAP};
+use super::{App, Mode, header};
+use crate::keymap::{self, Group};
+use crate::panes::PaneId;
 use crate::theme::Role;
 use crate::widgets::bars::Gauge;
 use crate::widgets::{draw, text_lines::TextLines};
@@ -205,7 +206,7 @@ impl App {
         let mut lines: Vec<Line<'_>> = Vec::new();
         for group in Group::ALL {
             lines.push(Line::styled(group.title(), theme.style(Role::Title)));
-            for binding in KEYMAP.iter().filter(|binding| binding.group == group) {
+            for binding in keymap::keymap().filter(|binding| binding.group == group) {
                 let keys = format!("  {:<16}", binding.keys.join(" "));
                 lines.push(Line::from(vec![
                     Span::styled(keys, theme.style(Role::Key)),

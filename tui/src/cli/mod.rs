@@ -316,7 +316,13 @@ impl Command {
             Self::Objects(arguments) => &arguments.input,
             Self::Why(arguments) => &arguments.input,
             Self::Check(arguments) => &arguments.input,
-            _ => return None,
+            Self::Live(_)
+            | Self::Convert(_)
+            | Self::Rules(_)
+            | Self::Explain { .. }
+            | Self::Profiles { .. }
+            | Self::Completions { .. }
+            | Self::Man { .. } => return None,
         };
         Some(&input.captures)
     }
@@ -335,7 +341,11 @@ impl Command {
             Self::Check(arguments) => (&arguments.input, Some(Otherwise::Decode)),
             Self::Objects(arguments) => (&arguments.input, None),
             Self::Why(arguments) => (&arguments.input, None),
-            _ => return Ok(()),
+            Self::Rules(_)
+            | Self::Explain { .. }
+            | Self::Profiles { .. }
+            | Self::Completions { .. }
+            | Self::Man { .. } => return Ok(()),
         };
         otherwise.map_or(Ok(()), |otherwise| input.check_no_choice(otherwise))?;
         input.check_devices()

@@ -71,10 +71,23 @@ pub fn check() -> String {
 
 #[cfg(test)]
 mod tests {
-    use clap::Parser as _;
+    use clap::{CommandFactory as _, Parser as _};
 
     use super::*;
     use crate::cli::Cli;
+
+    /// Commands whose help needs no examples.
+    const PLAIN: [&str; 3] = ["rules", "completions", "man"];
+
+    #[test]
+    fn every_command_has_examples() {
+        let cli = Cli::command();
+        let is_without = |command: &&clap::Command| {
+            !command.get_after_help().is_some_and(|help| help.to_string().starts_with("Examples:"))
+        };
+        let without = cli.get_subcommands().filter(is_without).map(clap::Command::get_name);
+        assert_eq!(without.collect::<Vec<_>>(), PLAIN);
+    }
 
     #[test]
     fn examples_are_understood() {

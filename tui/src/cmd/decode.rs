@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
+use super::decoding::decode_capture;
 use super::input::{captures, check_rules_of, session_options, setup};
+use super::messages::complain;
 use super::output::{files_read, told};
 use super::print::{Judging, Printer, engine};
-use super::{complain, decode_capture};
 use crate::cli::DecodeArgs;
 use crate::exit_code::Exit;
 

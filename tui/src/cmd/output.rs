@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, ensure};
 use cobscope_decoder::sink::escape;
 
-use super::complain;
 use super::input::files_named;
-use crate::cli::InputArgs;
+use super::messages::complain;
+use crate::cli::{Color, InputArgs};
 use crate::exit_code::Exit;
 
 /// Bytes gathered before they are written.
@@ -80,6 +80,18 @@ pub(super) fn output<'a>(
         None if io::stdout().is_terminal() => Box::new(stdout()),
         None => Box::new(BufWriter::with_capacity(BUFFER, stdout())),
     })
+}
+
+/// Whether output is coloured.
+pub(super) fn is_colored(color: Color, is_file: bool) -> bool {
+    match color {
+        Color::Always => true,
+        Color::Never => false,
+        Color::Auto => {
+            let wanted = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+            wanted && !is_file && io::stdout().is_terminal()
+        }
+    }
 }
 
 /// Writes a whole text to standard output; [`Exit::Clean`], or what failing brings.

@@ -26,8 +26,9 @@ use cobscope_decoder::sink::mcap::Mcap;
 use cobscope_decoder::sink::parquet::Parquet;
 use cobscope_decoder::sink::text::{self, PdoLines, Text, TextOptions};
 
+use super::decoding::Watcher;
+use super::output::is_colored;
 use super::output::output;
-use super::{Watcher, is_colored};
 use crate::cli::{Format, InputArgs, Pdo, PrintArgs, SelectArgs, TimeColumn};
 use crate::select::Selection;
 
@@ -185,7 +186,7 @@ impl Printer {
             #[cfg(feature = "parquet")]
             Format::Parquet => Sink::Parquet(Box::new(parquet(to, read)?)),
         };
-        let selection = Selection::new(select)?;
+        let selection = Selection::new(select.filter.clone(), select.from, select.to)?;
         let prints = arguments.output.is_none() && arguments.format != Format::None;
         let on_terminal = prints && std::io::stdout().is_terminal();
         Ok(Self {

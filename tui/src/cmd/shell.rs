@@ -2,7 +2,7 @@
 
 use clap::{Command, CommandFactory as _, ValueHint};
 
-use super::complain;
+use super::messages::complain;
 use super::output::print;
 use crate::cli::Cli;
 use crate::exit_code::Exit;

@@ -6,8 +6,8 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 
 use anyhow::{Context as _, ensure};
 
-use super::input::{captures, check_rules_of, read_options, session_options, setup};
-use super::{complain, named_buses};
+use super::input::{captures, check_rules_of, named_buses, read_options, session_options, setup};
+use super::messages::complain;
 use crate::app::{App, Start, quoted};
 use crate::cli::{Color, ScreenArgs, ThemeName, ViewArgs};
 use crate::exit_code::Exit;
@@ -52,11 +52,12 @@ fn captures_of(arguments: &ViewArgs) -> anyhow::Result<Captures> {
     })
 }
 
-/// The application as a command line wants it, without a terminal, and what its background finds.
+/// The application without a terminal, as the command line `words` wants it, and what its background finds.
 ///
 /// # Errors
 /// As the command itself: broken files of the user, captures that cannot be opened.
-pub fn open(arguments: &ViewArgs, command: String) -> anyhow::Result<(App, Receiver<News>)> {
+pub fn open(arguments: &ViewArgs, words: &[String]) -> anyhow::Result<(App, Receiver<News>)> {
+    let command = command("view", words.iter().cloned());
     let (news, found) = channel();
     let captures = captures_of(arguments)?;
     let start = start(arguments, command, named_buses(&arguments.input, &captures.session));

@@ -15,8 +15,9 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
-use crate::app::{Action, Core};
+use crate::action::Action;
 use crate::figures::seconds;
+use crate::state::Core;
 use crate::theme::{Glyph, Role, Theme};
 use crate::widgets::draw;
 use crate::widgets::table::TableState;

@@ -13,10 +13,11 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
 
-use super::Pane;
 use super::detail::Detail;
-use crate::app::{Action, Core, Effect, PaneId, Place, role_of};
-use crate::theme::{Glyph, Role};
+use super::{Effect, Pane, PaneId};
+use crate::action::Action;
+use crate::state::{Core, Place};
+use crate::theme::{Glyph, Role, role_of};
 use crate::timeline::Row as EventRow;
 use crate::widgets::draw;
 use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};

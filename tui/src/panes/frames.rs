@@ -25,11 +25,13 @@ use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
-use super::Pane;
 use super::common::{has_buses, move_in};
-use crate::app::{Action, Core, Effect, PaneId, SignalKey};
+use super::{Effect, Pane, PaneId};
+use crate::action::Action;
 use crate::figures::{millis, seconds};
+use crate::state::Core;
 use crate::theme::{Glyph, Role};
+use crate::timeline::SignalKey;
 use crate::widgets::draw;
 use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};
 

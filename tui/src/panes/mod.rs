@@ -4,9 +4,11 @@
 mod bus;
 mod common;
 mod detail;
+mod effect;
 mod events;
 mod findings;
 mod frames;
+mod meaning;
 mod nodes;
 mod objects;
 mod signals;
@@ -15,7 +17,10 @@ mod transfers;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 
-use crate::app::{Action, Core, Effect};
+pub use effect::Effect;
+
+use crate::action::Action;
+use crate::state::Core;
 
 /// One view of the captures.
 pub trait Pane {

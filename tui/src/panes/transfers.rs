@@ -17,11 +17,12 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
-use super::Pane;
 use super::common::{bus_name, divider, has_buses, move_in, node_filter, time};
-use crate::app::{Action, Core, Effect, PaneId, Place, role_of};
+use super::{Effect, Pane, PaneId};
+use crate::action::Action;
 use crate::figures::millis;
-use crate::theme::Role;
+use crate::state::{Core, Place};
+use crate::theme::{Role, role_of};
 use crate::timeline::{Exchange, MOST_EXCHANGES, Survey};
 use crate::widgets::draw;
 use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};

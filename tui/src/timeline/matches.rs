@@ -5,22 +5,16 @@
 //! a screen of them costs nothing; of many, those around a place are near it and are decoded again.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::Sender;
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::{PoisonError, RwLock};
 
 use cobscope_decoder::query::Filter;
 use cobscope_decoder::replay::{Spot, Told};
 use regex_lite::Regex;
 
-use super::shared::Shared;
-use super::walk::Walk;
-use super::{News, Row};
+use super::row::Row;
 
 /// Rows kept of a search with few hits.
 pub(super) const MOST_ROWS: usize = 10_000;
-
-/// Frames between two looks at whether the search is still wanted.
-const STRIDE: u64 = 4_096;
 
 /// What an event must be like.
 #[derive(Debug, Clone, Default)]
@@ -108,7 +102,19 @@ impl Matches {
         self.is_over.store(true, Ordering::Relaxed);
     }
 
-    fn add(&self, told: &Told<'_>) {
+    pub(super) fn is_stopped(&self) -> bool {
+        self.is_over.load(Ordering::Relaxed)
+    }
+
+    pub(super) fn set_scanned(&self, frames: u64) {
+        self.scanned.store(frames, Ordering::Release);
+    }
+
+    pub(super) fn complete(&self) {
+        self.is_complete.store(true, Ordering::Release);
+    }
+
+    pub(super) fn add(&self, told: &Told<'_>) {
         let count = self.count.fetch_add(1, Ordering::Relaxed);
         let mut found = self.found.write().unwrap_or_else(PoisonError::into_inner);
         let (word, bit) = place(told.spot.frame);
@@ -184,37 +190,6 @@ impl Matches {
 fn place(frame: u64) -> (usize, u32) {
     let bit = (frame % 64) as u32;
     (usize::try_from(frame / 64).unwrap_or(usize::MAX), bit)
-}
-
-/// Looks at the whole capture.
-pub(super) fn run(shared: &Shared, matches: &Arc<Matches>, news: &Sender<News>) {
-    shared.wait_for_index();
-    if let Ok(mut walk) = Walk::start(shared) {
-        let mut see = |told: Told<'_>| {
-            if matches.matcher.takes(&told) {
-                matches.add(&told);
-            }
-        };
-        let mut next = STRIDE;
-        while !shared.is_over() && !matches.is_over.load(Ordering::Relaxed) {
-            match walk.leap(u64::MAX, &mut see) {
-                Ok(true) => {}
-                Ok(false) => break,
-                Err(_) => {
-                    walk.close(&mut see);
-                    break;
-                }
-            }
-            if walk.world.frames() >= next {
-                next = walk.world.frames() + STRIDE;
-                matches.scanned.store(walk.world.frames(), Ordering::Release);
-            }
-        }
-        matches.scanned.store(walk.world.frames(), Ordering::Release);
-    }
-    matches.is_complete.store(true, Ordering::Release);
-    // The application may be gone.
-    let _ = news.send(News::Filtered);
 }
 
 #[cfg(test)]

@@ -10,17 +10,15 @@
 //!
 //! Each is a thread; what they find lies in [`Shared`], and a piece of [`News`] says that it changed.
 
-mod ahead;
-mod export;
-mod index;
 mod load;
 mod matches;
+mod news;
 mod order;
 mod row;
-mod seek;
 mod shared;
 pub mod signal;
 mod survey;
+mod threads;
 mod traces;
 mod walk;
 
@@ -36,38 +34,20 @@ use cobscope_decoder::replay::World;
 use cobscope_decoder::rules::Setup;
 use cobscope_decoder::session::SessionOptions;
 
-pub use export::Export;
 pub use load::{LoadOverTime, Step};
 pub use matches::{Matcher, Matches};
+pub use news::News;
 pub use order::{Order, Search, Target, Window};
 pub use row::Row;
 pub use shared::{Lane, Progress, Shared};
 pub use signal::SignalKey;
 pub use survey::{Exchange, MOST_EXCHANGES, Occurred, Opened, Survey, bit_rate_change};
+pub use threads::Export;
 pub use traces::{MOST_SIGNALS, Points, Traces};
 
+pub use crate::bucket::Bucket;
 use crate::source::live::LiveState;
 use crate::source::{Arranged, Store, arrange};
-
-/// Something changed.
-pub enum News {
-    /// More of a capture that grows is known.
-    Grew,
-    /// The capture is read to its end.
-    Indexed,
-    /// The survey is complete.
-    Surveyed,
-    /// The search for the rows that are shown is complete.
-    Filtered,
-    /// More is known of signals over time.
-    Traced,
-    /// The answer to an order.
-    Window(Box<Window>),
-    /// An export ended: what was written, or why it was not.
-    Exported(Result<String, String>),
-    /// An order that cannot be answered, and why.
-    Failed(String),
-}
 
 /// What a timeline is made of.
 pub struct Captures {
@@ -118,9 +98,9 @@ impl Timeline {
         let shared = Arc::new(Shared::new(lanes, captures.session, captures.read));
         let (orders, inbox) = channel();
         let rules = captures.rules;
-        spawn("index", &shared, &news, |shared, news| index::run(shared, news))?;
-        spawn("survey", &shared, &news, move |shared, news| survey::run(shared, &rules, news))?;
-        spawn("seek", &shared, &news, move |shared, news| seek::run(shared, &inbox, news))?;
+        spawn("index", &shared, &news, |shared, news| threads::index::run(shared, news))?;
+        spawn("survey", &shared, &news, move |shared, news| threads::survey::run(shared, &rules, news))?;
+        spawn("seek", &shared, &news, move |shared, news| threads::seek::run(shared, &inbox, news))?;
         Ok(Self { shared, orders, news, first, live })
     }
 
@@ -148,7 +128,7 @@ impl Timeline {
         *current = Some(Arc::clone(&found));
         drop(current);
         let told = spawn("matches", &self.shared, &self.news, move |shared, news| {
-            matches::run(shared, &found, news);
+            threads::matches::run(shared, &found, news);
         });
         if let Err(error) = told {
             let _ = self.news.send(News::Failed(format!("{error:#}")));
@@ -158,7 +138,7 @@ impl Timeline {
     /// Writes a part of the captures to a file; what came of it is told.
     pub fn export(&self, export: Export) {
         let told = spawn("export", &self.shared, &self.news, move |shared, news| {
-            export::run(shared, &export, news);
+            threads::export::run(shared, &export, news);
         });
         if let Err(error) = told {
             let _ = self.news.send(News::Failed(format!("{error:#}")));
@@ -175,8 +155,9 @@ impl Timeline {
         let traces = Arc::new(Traces::new(signals, from, to));
         self.shared.tracing.fetch_add(1, Ordering::Relaxed);
         let job = Arc::clone(&traces);
-        let told =
-            spawn("traces", &self.shared, &self.news, move |shared, news| traces::run(shared, &job, news));
+        let told = spawn("traces", &self.shared, &self.news, move |shared, news| {
+            threads::traces::run(shared, &job, news);
+        });
         if let Err(error) = told {
             self.shared.tracing.fetch_sub(1, Ordering::Relaxed);
             let _ = self.news.send(News::Failed(format!("{error:#}")));

@@ -9,7 +9,8 @@ use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::replay::{Index, Mark, World};
 use cobscope_decoder::session::SessionOptions;
 
-use super::{Matches, Survey};
+use super::matches::Matches;
+use super::survey::Survey;
 use crate::source::{Store, StoreReader};
 
 /// Frames between two marks of a live bus, to begin with.

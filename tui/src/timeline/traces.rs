@@ -1,50 +1,21 @@
 //! Signals over time: the lowest, highest and last value of each piece of it, as the layout in force tells them.
-//!
-//! ```text
-//! mark ──decode──▶ │ from │▂▂│▃▅│▅▅│▂ │ … │ to │      as many pieces as a screen can show, and some more
-//!   └ value that holds from before
-//! ```
-//!
-//! Without an end the pieces begin short and become twice as long whenever there are too many.
 
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
-use std::sync::mpsc::Sender;
 use std::sync::{Arc, PoisonError, RwLock};
 
-use cobscope_decoder::capture::CaptureError;
-use cobscope_decoder::frame::{BusIndex, CanId, Timestamp};
-use cobscope_decoder::profile::Layout;
-use cobscope_decoder::replay::{Told, World};
+use cobscope_decoder::frame::Timestamp;
 
-use super::News;
-use super::shared::Shared;
-use super::signal::{SignalKey, carried, is_assumed, number};
-use super::walk::Walk;
-use crate::widgets::plot::Bucket;
+use super::signal::SignalKey;
+use crate::bucket::Bucket;
 
 /// Signals that can be had at once.
 pub const MOST_SIGNALS: usize = 12;
 
-/// Pieces of time kept of each.
-pub const MOST_BUCKETS: i64 = 4_096;
-
-/// Nanoseconds of a piece in the beginning, where the end is not known.
-const FIRST_WIDTH: i64 = 10_000;
-
-/// Frames between two times what was found is told: twice as many each time, from the first number to the second.
-const STRIDES: (u64, u64) = (16_384, 262_144);
-
-/// Nanoseconds between two times it is told where more is still coming.
-const SOON: i64 = 100_000_000;
-
-/// Stamps that go back no further than this many nanoseconds are still found behind the end of a range.
-const SLACK: i64 = 1_000_000_000;
-
 /// Signals over a range of time.
 pub struct Traces {
-    signals: Vec<SignalKey>,
-    from: i64,
-    to: Option<i64>,
+    pub(super) signals: Vec<SignalKey>,
+    pub(super) from: i64,
+    pub(super) to: Option<i64>,
     points: RwLock<Vec<Points>>,
     reached: AtomicI64,
     is_complete: AtomicBool,
@@ -117,310 +88,20 @@ impl Traces {
     pub fn stop(&self) {
         self.is_over.store(true, Ordering::Relaxed);
     }
-}
 
-/// Follows the signals through their range.
-pub(super) fn run(shared: &Shared, traces: &Arc<Traces>, news: &Sender<News>) {
-    let mut follower = Follower::new(traces);
-    // Why a capture cannot be read is told by the index.
-    if let Ok(mut walk) = begin(shared, traces, &mut follower) {
-        go(shared, traces, &mut follower, &mut walk, news);
-    }
-    follower.tell(traces);
-    traces.is_complete.store(true, Ordering::Release);
-    shared.tracing.fetch_sub(1, Ordering::Release);
-    // The application may be gone.
-    let _ = news.send(News::Traced);
-}
-
-/// From the last mark before the range, and with the values that hold there.
-fn begin(shared: &Shared, traces: &Traces, follower: &mut Follower) -> Result<Walk, CaptureError> {
-    let index = shared.index.read().unwrap_or_else(PoisonError::into_inner);
-    match index.before_time(Timestamp(traces.from)) {
-        Some(mark) => {
-            let walk = Walk::resume(shared, mark)?;
-            drop(index);
-            follower.take_world(&walk.world);
-            Ok(walk)
-        }
-        None => Walk::start(shared),
-    }
-}
-
-fn go(shared: &Shared, traces: &Traces, follower: &mut Follower, walk: &mut Walk, news: &Sender<News>) {
-    let end = traces.to.map_or(i64::MAX, |to| to.saturating_add(SLACK));
-    let (mut stride, most) = STRIDES;
-    let (mut next, mut told) = (walk.world.frames() + stride, i64::MIN);
-    while !shared.is_over() && !traces.is_over.load(Ordering::Relaxed) {
-        match walk.leap(u64::MAX, &mut |told: Told<'_>| follower.take(&told)) {
-            Ok(true) => {}
-            Ok(false) | Err(_) => return,
-        }
-        let time = walk.world.time().map_or(traces.from, |time| time.0);
-        traces.reached.store(time, Ordering::Relaxed);
-        if time > end {
-            return;
-        }
-        let frames = walk.world.frames();
-        let is_at_head = time >= told.saturating_add(SOON) && shared.is_at_head(frames);
-        if frames >= next || is_at_head {
-            stride = if is_at_head { stride } else { most.min(stride * 2) };
-            (next, told) = (frames + stride, time);
-            follower.tell(traces);
-            if news.send(News::Traced).is_err() {
-                return;
-            }
-        }
-    }
-}
-
-/// The signals on their way.
-struct Follower {
-    tracks: Vec<Track>,
-    /// A bit for the identifiers of each remainder by 64: most events are of others.
-    identifiers: u64,
-}
-
-impl Follower {
-    fn new(traces: &Traces) -> Self {
-        let identifiers = traces.signals.iter().fold(0, |bits, signal| bits | bit(signal.id));
-        let track = |signal: &SignalKey| Track {
-            signal: signal.clone(),
-            layout: None,
-            place: None,
-            buckets: Buckets::new(traces.from, traces.to),
-            is_assumed: false,
-        };
-        Self { tracks: traces.signals.iter().map(track).collect(), identifiers }
+    pub(super) fn is_stopped(&self) -> bool {
+        self.is_over.load(Ordering::Relaxed)
     }
 
-    #[inline]
-    fn take(&mut self, told: &Told<'_>) {
-        let Some((id, layout, payload)) = carried(told.event) else { return };
-        if self.identifiers & bit(id) == 0 {
-            return;
-        }
-        if let Some(time) = told.event.time {
-            self.values(told.event.bus, id, layout, payload, time.0);
-        }
+    pub(super) fn set_points(&self, points: Vec<Points>) {
+        *self.points.write().unwrap_or_else(PoisonError::into_inner) = points;
     }
 
-    /// What each identifier carried last.
-    fn take_world(&mut self, world: &World) {
-        for row in world.identifiers().rows().iter().filter(|row| !row.is_remote) {
-            if let (Some(layout), Some(time)) = (&row.layout, row.last_time) {
-                self.values(row.bus, row.id, layout, row.payload(), time.0);
-            }
-        }
+    pub(super) fn set_reached(&self, time: i64) {
+        self.reached.store(time, Ordering::Relaxed);
     }
 
-    fn values(&mut self, bus: BusIndex, id: CanId, layout: &Arc<Layout>, payload: &[u8], time: i64) {
-        for track in &mut self.tracks {
-            if track.signal.id == id && track.signal.bus == bus {
-                track.take(layout, payload, time);
-            }
-        }
-    }
-
-    fn tell(&self, traces: &Traces) {
-        let points = self.tracks.iter().map(Track::points).collect();
-        *traces.points.write().unwrap_or_else(PoisonError::into_inner) = points;
-    }
-}
-
-fn bit(id: CanId) -> u64 {
-    1 << (id.number() % 64)
-}
-
-/// One signal on its way.
-struct Track {
-    signal: SignalKey,
-    /// The layout in force, and where the signal is in it.
-    layout: Option<Arc<Layout>>,
-    place: Option<usize>,
-    buckets: Buckets,
-    is_assumed: bool,
-}
-
-impl Track {
-    fn take(&mut self, layout: &Arc<Layout>, payload: &[u8], time: i64) {
-        if !self.layout.as_ref().is_some_and(|known| Arc::ptr_eq(known, layout)) {
-            let found = self.signal.field_in(layout);
-            self.is_assumed |= found.is_some_and(|(_, field)| is_assumed(layout, field));
-            self.place = found.map(|(place, _)| place);
-            self.layout = Some(Arc::clone(layout));
-        }
-        // The identifier carries something else now: the line ends.
-        let Some(place) = self.place else { return self.buckets.add(time, f64::NAN) };
-        // In another branch of a multiplexed message the value before still holds.
-        if let Some(signal) = layout.signal(place, payload) {
-            self.buckets.add(time, number(signal.field, &signal.value).unwrap_or(f64::NAN));
-        }
-    }
-
-    fn points(&self) -> Points {
-        let Buckets { before, slots, width, is_exact, .. } = &self.buckets;
-        let buckets = before.iter().chain(slots.iter().flatten()).copied().collect();
-        Points { buckets: Arc::new(buckets), width: *width, is_exact: *is_exact, is_assumed: self.is_assumed }
-    }
-}
-
-/// Pieces of time and what was in them.
-struct Buckets {
-    from: i64,
-    to: Option<i64>,
-    width: i64,
-    /// The last value before the range.
-    before: Option<Bucket>,
-    slots: Vec<Option<Bucket>>,
-    is_exact: bool,
-}
-
-impl Buckets {
-    fn new(from: i64, to: Option<i64>) -> Self {
-        let width = to.map_or(FIRST_WIDTH, |to| to.saturating_sub(from) / MOST_BUCKETS + 1);
-        Self { from, to, width: width.max(1), before: None, slots: Vec::new(), is_exact: true }
-    }
-
-    fn add(&mut self, time: i64, value: f64) {
-        let new = Bucket { t: time, min: value, max: value, last: value };
-        if time < self.from {
-            self.before = Some(new);
-            return;
-        }
-        if self.to.is_some_and(|to| time > to) {
-            return;
-        }
-        let since = time.saturating_sub(self.from);
-        while since / self.width >= MOST_BUCKETS {
-            self.halve();
-        }
-        let Ok(place) = usize::try_from(since / self.width) else { return };
-        if self.slots.len() <= place {
-            self.slots.resize(place + 1, None);
-        }
-        if let Some(slot) = self.slots.get_mut(place) {
-            self.is_exact &= slot.is_none();
-            *slot = join(*slot, Some(new));
-        }
-    }
-
-    fn halve(&mut self) {
-        self.width = self.width.saturating_mul(2);
-        let mut is_exact = self.is_exact;
-        let pair = |pair: &[Option<Bucket>]| {
-            let (first, second) = (pair.first().copied().flatten(), pair.get(1).copied().flatten());
-            is_exact &= first.is_none() || second.is_none();
-            join(first, second)
-        };
-        self.slots = self.slots.chunks(2).map(pair).collect();
-        self.is_exact = is_exact;
-    }
-}
-
-/// Two pieces as one; what is no number says nothing of the lowest and highest.
-fn join(first: Option<Bucket>, second: Option<Bucket>) -> Option<Bucket> {
-    match (first, second) {
-        (Some(first), Some(second)) => Some(Bucket {
-            t: first.t.min(second.t),
-            min: first.min.min(second.min),
-            max: first.max.max(second.max),
-            last: second.last,
-        }),
-        (first, second) => first.or(second),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use cobscope_decoder::profile::{DataType, Factor, Field, Meaning};
-    use cobscope_decoder::wire::canopen::ObjectAddress;
-
-    use super::*;
-
-    fn kept(buckets: &Buckets) -> Vec<Bucket> {
-        buckets.slots.iter().flatten().copied().collect()
-    }
-
-    #[test]
-    fn without_an_end_pieces_become_longer_and_nothing_is_lost() {
-        let mut buckets = Buckets::new(0, None);
-        for millisecond in 0..10_000 {
-            let value = if millisecond == 5_003 { -7.0 } else { f64::from(millisecond % 10) };
-            buckets.add(i64::from(millisecond) * 1_000_000, value);
-        }
-        // 10 s in at most 4,096 pieces: 2.56 ms and so 10 µs doubled eight times.
-        assert_eq!((buckets.width, buckets.is_exact), (2_560_000, false));
-        let kept = kept(&buckets);
-        assert!((2_048..=4_096).contains(&kept.len()));
-        assert_eq!(kept.iter().map(|bucket| bucket.min).reduce(f64::min), Some(-7.0));
-        assert_eq!(kept.iter().map(|bucket| bucket.max).reduce(f64::max), Some(9.0));
-        // 0, 1 and 2 ms.
-        assert_eq!(kept.first(), Some(&Bucket { t: 0, min: 0.0, max: 2.0, last: 2.0 }));
-    }
-
-    #[test]
-    fn before_a_range_only_the_last_value_counts_and_behind_it_none() {
-        let mut buckets = Buckets::new(100, Some(200));
-        for (time, value) in [(10, 1.0), (90, 2.0), (100, 3.0), (200, 4.0), (201, 5.0)] {
-            buckets.add(time, value);
-        }
-        assert_eq!(buckets.before.map(|bucket| bucket.last), Some(2.0));
-        assert_eq!(kept(&buckets).iter().map(|bucket| bucket.last).collect::<Vec<_>>(), [3.0, 4.0]);
-        assert!(buckets.is_exact);
-    }
-
-    /// A layout of one byte each, by object, unit and factor.
-    fn layout(fields: &[(u16, &str, f64)]) -> Arc<Layout> {
-        let field = |(at, (index, unit, factor)): (u16, &(u16, &str, f64))| {
-            let scale = Some(Factor { factor: *factor, offset: 0.0, full_scale: None });
-            let object = ObjectAddress::new(*index, 0);
-            let meaning = Meaning { unit: (*unit).into(), scale, ..Meaning::default() };
-            let field = Field::of_object(object, at * 8, 8, DataType::Unsigned8);
-            Field { meaning: Some(Arc::new(meaning)), ..field }
-        };
-        Arc::new(Layout { fields: (0..).zip(fields).map(field).collect(), ..Layout::default() })
-    }
-
-    #[test]
-    fn a_signal_is_found_in_each_layout_by_what_it_is() {
-        let first = layout(&[(0x6000, "bar", 1.0), (0x6001, "%", 0.5)]);
-        let signal = SignalKey::new(BusIndex(0), CanId::standard(0x181), &first, 0).unwrap();
-        let rescaled = layout(&[(0x6001, "%", 0.5), (0x6000, "bar", 2.0)]);
-        let of_mode = layout(&[(0x6000, "l/min", 0.1), (0x6001, "%", 0.5)]);
-        let without = layout(&[(0x6001, "%", 0.5)]);
-        let traces = Traces::new(vec![signal.clone()], Timestamp(0), None);
-        let mut follower = Follower::new(&traces);
-        // The last has no room for it, so what was before still holds.
-        let payloads: [(&Arc<Layout>, &[u8]); 6] = [
-            (&first, &[10, 20]),
-            (&rescaled, &[20, 10]),
-            (&of_mode, &[10, 20]),
-            (&rescaled, &[20, 11]),
-            (&without, &[20]),
-            (&first, &[]),
-        ];
-        for (second, (layout, payload)) in (0..).zip(payloads) {
-            follower.values(BusIndex(0), signal.id, layout, payload, second * 1_000_000_000);
-        }
-        // Of others nothing is taken.
-        follower.values(BusIndex(1), signal.id, &first, &[99, 99], 9_000_000_000);
-        follower.tell(&traces);
-        let points = traces.points(&signal).unwrap();
-        let values: Vec<_> = points.buckets.iter().map(|bucket| bucket.last).collect();
-        assert_eq!(format!("{values:?}"), "[10.0, 20.0, NaN, 22.0, NaN]");
-        assert_eq!(SignalKey::new(signal.bus, signal.id, &rescaled, 1).as_ref(), Some(&signal));
-        assert_ne!(SignalKey::new(signal.bus, signal.id, &of_mode, 0).unwrap(), signal);
-    }
-
-    #[test]
-    fn what_is_no_number_ends_the_line_and_has_no_part_in_the_range() {
-        let mut buckets = Buckets::new(0, Some(4_095 * 10));
-        for (time, value) in [(0, 1.0), (1, f64::NAN), (2, 3.0), (100, f64::NAN)] {
-            buckets.add(time, value);
-        }
-        let kept = kept(&buckets);
-        assert_eq!(kept.first(), Some(&Bucket { t: 0, min: 1.0, max: 3.0, last: 3.0 }));
-        assert!(kept.get(1).is_some_and(|bucket| bucket.last.is_nan()));
+    pub(super) fn complete(&self) {
+        self.is_complete.store(true, Ordering::Release);
     }
 }

@@ -18,8 +18,8 @@ use cobscope_decoder::sink::findings::Judged;
 
 use super::captures::Source;
 use crate::cli::{CheckArgs, FindingFormat, InputArgs};
+use crate::cmd::decoding::{Watcher, decode_quietly};
 use crate::cmd::input::read_options;
-use crate::cmd::{Watcher, decode_quietly};
 use crate::record::format;
 use crate::source;
 

@@ -14,8 +14,9 @@ use cobscope_decoder::sink::findings::text::{self, TextOptions};
 use cobscope_decoder::sink::findings::{Report, github, jsonl, junit, sarif};
 
 use super::input::{catalogue, common_catalogue, options_of, setup};
+use super::messages::complain;
+use super::output::is_colored;
 use super::output::{ensure_not_read, files_read, output, told};
-use super::{complain, is_colored};
 use crate::cli::{CheckArgs, FindingFormat};
 use crate::exit_code::Exit;
 use captures::Source;

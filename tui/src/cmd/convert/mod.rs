@@ -21,7 +21,8 @@ use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::escape;
 
 use super::input::session_options;
-use super::{complain, unknown_buses};
+use super::input::unknown_buses;
+use super::messages::complain;
 use crate::cli::ConvertArgs;
 use crate::exit_code::Exit;
 use crate::record::format;

@@ -11,8 +11,8 @@ use anyhow::{Context as _, bail};
 use cobscope_decoder::frame::LinkState;
 use cobscope_decoder::sink::escape;
 
-use super::complain;
 use super::input::read_options;
+use super::messages::complain;
 use super::output::print;
 use crate::cli::LiveArgs;
 use crate::exit_code::Exit;

@@ -4,9 +4,9 @@ use std::fmt::Write as _;
 
 use cobscope_decoder::finding::RuleOrigin;
 use cobscope_decoder::rules::conformance::cases;
+use cobscope_decoder::rules::sections;
 
 use super::Listed;
-use super::page::sections;
 
 /// The whole document.
 pub(super) fn document(rules: &[Listed]) -> String {

@@ -13,7 +13,6 @@ use crate::cli::{RulesArgs, RulesFormat};
 use crate::exit_code::Exit;
 pub(super) use listed::{Listed, find, listed, meant};
 pub(super) use page::page;
-pub(crate) use page::sections as rule_sections;
 
 /// Runs the command.
 pub fn run(arguments: &RulesArgs) -> Exit {

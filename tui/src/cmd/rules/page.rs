@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use cobscope_decoder::rules::conformance::cases;
+use cobscope_decoder::rules::sections;
 use cobscope_decoder::sink::table::{Align, Table};
 
 use super::Listed;
@@ -69,22 +70,4 @@ fn tolerances(rule: &Listed) -> Table {
         table.row(cells);
     }
     table
-}
-
-/// Headings with their text, each in one paragraph.
-pub(crate) fn sections(explanation: &str) -> Vec<(&str, String)> {
-    let mut all: Vec<(&str, String)> = Vec::new();
-    for line in explanation.lines() {
-        match (line.strip_prefix("# "), all.last_mut()) {
-            (Some(heading), _) => all.push((heading.trim(), String::new())),
-            (None, Some((_, text))) if !line.trim().is_empty() => {
-                if !text.is_empty() {
-                    text.push(' ');
-                }
-                text.push_str(line.trim());
-            }
-            _ => {}
-        }
-    }
-    all
 }

@@ -11,8 +11,8 @@ use cobscope_decoder::frame::Frame;
 use cobscope_decoder::session::{Bus, Observer};
 use cobscope_decoder::statistics::Statistics;
 
-use super::input::warn;
-use super::{Watcher, complain, decode_capture, report};
+use super::decoding::{Watcher, decode_capture, report};
+use super::messages::{complain, warn};
 use crate::cli::{ReportFormat, StatsArgs};
 use crate::exit_code::Exit;
 use crate::select::{Selection, ensure_order};
@@ -44,7 +44,7 @@ pub fn run(arguments: &StatsArgs) -> Exit {
         return Exit::Usage;
     }
     report(&arguments.input, |path, options, output| {
-        let selection = Selection::between(arguments.from, arguments.to)?;
+        let selection = Selection::new(None, arguments.from, arguments.to)?;
         let mut counting = Counting { statistics: Statistics::default(), selection };
         let decoded = decode_capture(path, &arguments.input, options, &mut counting)?;
         let has: Vec<_> = decoded.decoder.buses().iter().map(Bus::name).collect();

@@ -13,7 +13,7 @@ use cobscope_decoder::sink::escape;
 use cobscope_decoder::why::text::{self, Setting};
 use cobscope_decoder::why::{Chosen, Question, Why};
 
-use super::{Watcher, decode_capture, report};
+use super::decoding::{Watcher, decode_capture, report};
 use crate::cli::{ReportFormat, WhyArgs};
 use crate::exit_code::Exit;
 use crate::select::Bound;

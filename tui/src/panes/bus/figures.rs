@@ -14,9 +14,9 @@ use cobscope_decoder::statistics::BusStatistics;
 use cobscope_decoder::words::plural;
 use ratatui::text::Line;
 
-use crate::app::Core;
 use crate::figures::bytes;
 use crate::panes::common::Labelled;
+use crate::state::Core;
 use crate::theme::Role;
 use crate::timeline::Survey;
 use crate::words::{commands, error_frames, faults, rates, stamps};

@@ -22,10 +22,11 @@ use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
 use self::axis::{Axis, Content, MOST_ZOOM, further};
-use super::Pane;
 use super::common::{bus_name, last_world};
-use crate::app::{Action, Core, Effect, PaneId, Place};
+use super::{Effect, Pane, PaneId};
+use crate::action::Action;
 use crate::figures::{bits, millis, seconds};
+use crate::state::{Core, Place};
 use crate::theme::{Glyph, Role};
 use crate::timeline::Survey;
 use crate::widgets::bars::Bars;

@@ -10,7 +10,7 @@ use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::profile::{Device, emcy_codes};
 use cobscope_decoder::session::Node;
 
-use super::document::Item;
+use super::item::Item;
 use crate::theme::Role;
 
 /// The manual's words on an error event; nothing of others.

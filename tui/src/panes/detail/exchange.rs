@@ -14,11 +14,11 @@ use cobscope_decoder::query::record;
 use cobscope_decoder::session::Node;
 use cobscope_decoder::words::plural;
 
-use super::document::{Item, Leads};
-use super::meaning;
-use super::payload::{abort_text, hex, of_sdo, shown};
+use super::item::{Item, Leads};
+use super::payload::{abort_text, of_sdo};
 use super::services;
-use crate::app::Core;
+use crate::panes::meaning::{self, hex, shown};
+use crate::state::Core;
 use crate::theme::{Glyph, Role};
 
 /// Bytes of data that are shown.

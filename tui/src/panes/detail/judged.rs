@@ -7,11 +7,11 @@
 //! ```
 
 use cobscope_decoder::finding::{Cause, Findings, Group, Occurrence, RuleInfo};
-use cobscope_decoder::rules::{declarations, manual};
+use cobscope_decoder::rules::{declarations, manual, sections};
 
-use super::document::{Item, Leads};
-use crate::app::{Core, Place};
+use super::item::{Item, Leads};
 use crate::panes::common::severity_role;
+use crate::state::{Core, Place};
 use crate::theme::Role;
 use crate::timeline::{Row, Survey};
 
@@ -117,7 +117,7 @@ fn so_far(core: &Core, survey: &Survey, frames: &[u64], items: &mut Vec<Item>) {
 /// The rule's own words, a paragraph each.
 fn explanation(rule: &RuleInfo, items: &mut Vec<Item>) {
     let text = manual(&rule.explanation);
-    let paragraphs = crate::cmd::rule_sections(&text);
+    let paragraphs = sections(&text);
     if paragraphs.is_empty() {
         items.push(Item::new(&format!("  {}", rule.title), Role::Text));
         items.extend(rule.source.as_ref().map(|source| Item::quiet(&format!("  Source: {source}"))));

@@ -15,9 +15,9 @@
 mod advice;
 mod document;
 mod exchange;
+mod item;
 mod judged;
 mod keys;
-pub(in crate::panes) mod meaning;
 mod payload;
 mod services;
 mod text;
@@ -28,14 +28,15 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::text::Line;
 
-use super::Pane;
-use crate::app::{Action, Core, Effect, role_of};
-use crate::theme::{Glyph, Role};
+use super::{Effect, Pane};
+use crate::action::Action;
+use crate::state::Core;
+use crate::theme::{Glyph, Role, role_of};
 use crate::timeline::Row;
 use crate::widgets::bits::{self, Bits};
 use crate::widgets::draw;
 use crate::widgets::text_lines::TextLines;
-use document::{Item, Leads};
+use item::{Item, Leads};
 use payload::Payload;
 
 /// Width from which bits and text stand side by side.

@@ -4,9 +4,9 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::text::Line;
 
-use super::document::Item;
+use super::item::Item;
 use super::{Detail, Told};
-use crate::app::Core;
+use crate::state::Core;
 use crate::widgets::text_lines::TextLines;
 
 impl Detail {

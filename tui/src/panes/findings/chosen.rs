@@ -15,8 +15,8 @@ use cobscope_decoder::replay::World;
 use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::words::plural;
 
-use crate::app::Core;
 use crate::panes::common::last_world;
+use crate::state::Core;
 use crate::timeline::{Matches, Survey};
 
 /// The kind of event that tells of a finding.

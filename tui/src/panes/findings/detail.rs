@@ -19,8 +19,8 @@ use ratatui::text::{Line, Span};
 
 use super::chosen::Chosen;
 use super::rows::Facts;
-use crate::app::Core;
 use crate::panes::common::{Labelled, severity_role, time};
+use crate::state::Core;
 use crate::theme::Role;
 use crate::timeline::Survey;
 

@@ -26,9 +26,10 @@ use ratatui::style::Style;
 
 use self::chosen::{Chosen, Filtered};
 use self::rows::{Facts, Item, facts, group, items};
-use super::Pane;
 use super::common::{ahead, bus_name, divider, has_buses, move_in, node_filter, severity_role, time};
-use crate::app::{Action, Core, Effect, PaneId, Place};
+use super::{Effect, Pane, PaneId};
+use crate::action::Action;
+use crate::state::{Core, Place};
 use crate::theme::Role;
 use crate::timeline::Survey;
 use crate::widgets::draw;

@@ -16,7 +16,7 @@ use ratatui::text::{Line as Text, Span};
 
 use super::line::{Key, age, period};
 use super::node::Subject;
-use crate::app::Core;
+use crate::state::Core;
 use crate::theme::Role;
 
 /// Lines about a node: what it is, what is wrong, what it sends.

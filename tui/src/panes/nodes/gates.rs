@@ -16,7 +16,7 @@ use ratatui::text::{Line as Text, Span};
 use ratatui::widgets::{Block, Clear, Widget as _};
 
 use super::node::Subject;
-use crate::app::Core;
+use crate::state::Core;
 use crate::theme::Role;
 use crate::widgets::text_lines::TextLines;
 

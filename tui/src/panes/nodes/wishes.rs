@@ -7,7 +7,9 @@ use cobscope_decoder::wire::NodeId;
 use super::line::Key;
 use super::node::Subject;
 use super::{channel_of, values};
-use crate::app::{Core, Effect, NodeKey, PaneId, SignalKey};
+use crate::panes::{Effect, PaneId};
+use crate::state::{Core, NodeKey};
+use crate::timeline::SignalKey;
 
 pub(super) fn subject(core: &Core, (index, id): NodeKey) -> Option<Subject<'_>> {
     let world = core.world()?;

@@ -18,9 +18,10 @@ use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::text::Line;
 
-use super::Pane;
 use super::common::move_in;
-use crate::app::{Action, Core, Effect, NodeKey, Place};
+use super::{Effect, Pane};
+use crate::action::Action;
+use crate::state::{Core, NodeKey, Place};
 use crate::theme::Role;
 use crate::widgets::draw;
 use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};

@@ -12,8 +12,8 @@ use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::canopen::ObjectAddress;
 use cobscope_decoder::words::plural;
 
-use crate::app::{Core, NodeKey};
-use crate::panes::detail::meaning;
+use crate::panes::meaning;
+use crate::state::{Core, NodeKey};
 use crate::theme::Role;
 
 /// Bytes of a value that are shown.

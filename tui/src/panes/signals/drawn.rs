@@ -7,10 +7,11 @@ use cobscope_decoder::frame::Timestamp;
 
 use super::view::View;
 use super::{OF_LEGEND, Picked, Signals, list};
-use crate::app::Core;
+use crate::bucket::Bucket;
+use crate::state::Core;
 use crate::theme::{Glyph, Role};
 use crate::timeline::MOST_SIGNALS;
-use crate::widgets::plot::{Bucket, Plot, Series};
+use crate::widgets::plot::{Plot, Series};
 
 /// A signal as it is drawn.
 struct Shown {

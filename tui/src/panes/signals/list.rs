@@ -20,9 +20,9 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use regex_lite::Regex;
 
-use crate::app::{Core, SignalKey, pattern};
+use crate::state::{Core, pattern};
 use crate::theme::{Glyph, Role};
-use crate::timeline::signal;
+use crate::timeline::{SignalKey, signal};
 use crate::widgets::draw;
 use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};
 

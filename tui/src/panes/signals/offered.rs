@@ -12,7 +12,9 @@ use cobscope_decoder::replay::World;
 use cobscope_decoder::statistics::IdentifierRow;
 use cobscope_decoder::wire::canopen::ObjectAddress;
 
-use crate::app::{Core, Effect, SignalKey};
+use crate::panes::Effect;
+use crate::state::Core;
+use crate::timeline::SignalKey;
 use crate::timeline::signal::carried;
 
 /// What plotting the selected event comes to.

@@ -11,8 +11,8 @@ use std::sync::Arc;
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::replay::Spot;
 
-use crate::app::{Core, SignalKey};
-use crate::timeline::{Points, Traces};
+use crate::state::Core;
+use crate::timeline::{Points, SignalKey, Traces};
 
 /// Shortest time that can be plotted, in nanoseconds.
 const LEAST_SPAN: i64 = 100_000;

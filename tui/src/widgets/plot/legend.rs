@@ -12,7 +12,8 @@ use ratatui::text::Line;
 
 use super::canvas::mark;
 use super::scale::{decimals, number};
-use super::{Bucket, Plot, Window, trace};
+use super::{Plot, Window, trace};
+use crate::bucket::Bucket;
 use crate::theme::{Borders, Glyph, Role};
 use crate::widgets::draw::{self, Align};
 

@@ -33,30 +33,9 @@ use ratatui::text::Line;
 use self::canvas::Canvas;
 use self::frame::Places;
 use self::scale::Scale;
+use crate::bucket::Bucket;
 use crate::theme::{Borders, Role, Theme};
 use crate::widgets::draw::{self, Align};
-
-/// The values of a piece of time.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bucket {
-    /// When, in nanoseconds.
-    pub t: i64,
-    /// The lowest of its values.
-    pub min: f64,
-    /// The highest of its values.
-    pub max: f64,
-    /// The last of its values, which holds until the next bucket.
-    pub last: f64,
-}
-
-impl Bucket {
-    /// The lowest and the highest value, if any is a number.
-    fn bounds(&self) -> Option<(f64, f64)> {
-        // `min` and `max` give the other one where one is NaN.
-        let (low, high) = (self.min.min(self.max).min(self.last), self.max.max(self.min).max(self.last));
-        (!low.is_nan()).then_some((low, high))
-    }
-}
 
 /// A signal to be drawn.
 #[derive(Clone, Debug)]

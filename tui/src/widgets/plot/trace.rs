@@ -6,9 +6,10 @@
 //!                ─    nothing for longer than the gap ▸ the line ends
 //! ```
 
+use super::Window;
 use super::canvas::{Canvas, Ink};
 use super::scale::Scale;
-use super::{Bucket, Window};
+use crate::bucket::Bucket;
 
 /// The dots of one column, as far as they are known.
 #[derive(Clone, Copy, Debug)]

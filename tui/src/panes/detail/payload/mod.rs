@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use cobscope_decoder::event::{EventKind, Protocol, SdoTransfer};
 use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags};
-use cobscope_decoder::profile::{BitOrder, DataType, Field, Layout, Owner, Value, connection_set, uds};
+use cobscope_decoder::profile::{BitOrder, DataType, Field, Layout, Owner, connection_set, uds};
 use cobscope_decoder::session::{Bus, Node};
 use cobscope_decoder::wire::canopen::ObjectAddress;
 use cobscope_decoder::wire::canopen::emcy::ByteOrder;
@@ -19,10 +19,10 @@ use cobscope_decoder::wire::canopen::sdo::Side;
 use cobscope_decoder::wire::j1939::{J1939Id, Pgn};
 
 pub(super) use self::words::abort_text;
-use super::meaning;
 use super::services::{self, Read, Service, Slot};
-use crate::app::{Core, SignalKey};
-use crate::timeline::Row;
+use crate::panes::meaning::{self, hex};
+use crate::state::Core;
+use crate::timeline::{Row, SignalKey};
 
 /// A part of a payload.
 #[derive(Debug, Clone)]
@@ -350,17 +350,4 @@ pub(super) fn of_sdo(transfer: &SdoTransfer, frames: &[Frame], frame: &Frame) ->
     let last = frames.iter().rev().find(is_sent).map(|other| other.number);
     let is_end = last == Some(frame.number) && frame.data().first().is_some_and(|byte| byte & 0xE1 == 0xC1);
     if first == Some(frame.number) || is_end { commands } else { &services::SDO_SEGMENT }
-}
-
-/// `05 83 21`.
-pub(super) fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" ")
-}
-
-/// A value as people write it, with what is unknown as bytes.
-pub(super) fn shown(meaning: Option<&cobscope_decoder::profile::Meaning>, bytes: &[u8]) -> String {
-    match meaning.map(|meaning| (meaning, meaning.decode(bytes))) {
-        Some((meaning, value)) if !matches!(value, Value::Bytes(_)) => meaning.show(&value),
-        _ => hex(bytes),
-    }
 }

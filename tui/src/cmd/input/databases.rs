@@ -9,8 +9,8 @@ use cobscope_decoder::profile::dbc::{self, Database, DatabaseFile};
 use cobscope_decoder::words::plural;
 
 use super::device_files::bytes;
-use super::input::warn;
 use crate::cli::InputArgs;
+use crate::cmd::messages::warn;
 
 /// Problems of a file that are told.
 const TOLD: usize = 5;

@@ -1,5 +1,8 @@
 //! `cobscope objects`: what is known of a node's objects, and from where.
 
+mod entry;
+mod want;
+
 use std::borrow::Cow;
 use std::fmt::Write as _;
 
@@ -14,11 +17,13 @@ use cobscope_decoder::wire::canopen::ObjectAddress;
 use cobscope_decoder::words::plural;
 use serde_json::json;
 
-use super::want::Want;
-use super::{Watcher, complain, decode_capture, report};
+use super::decoding::{Watcher, decode_capture, report};
+use super::messages::complain;
 use crate::cli::{ObjectsArgs, ReportFormat};
 use crate::exit_code::Exit;
 use crate::select::Bound;
+use entry::{hex, label, place};
+use want::Want;
 
 /// Widest columns of names and values: with the others most lines fit 100 columns or little more.
 const WIDEST_NAME: usize = 50;
@@ -126,12 +131,6 @@ fn tell(bus: &Bus, arguments: &ObjectsArgs, first: Option<Timestamp>, capture: &
     }
 }
 
-/// `node 2/02 pump on can0`.
-pub(super) fn label(bus: &Bus, node: &Node) -> String {
-    let name = node.name().map_or(String::new(), |name| format!(" {}", escape(name)));
-    format!("{}{name} on {}", node.id().words(), escape(bus.name()))
-}
-
 fn overview(bus: &Bus, node: &Node, format: ReportFormat, capture: &str, output: &mut String) {
     let count = node.store().len();
     let _ = match format {
@@ -229,21 +228,6 @@ fn future(node: &Node, object: ObjectAddress) -> String {
         _ => "",
     };
     format!("{waiting}{persists}")
-}
-
-/// Hex pairs without spaces.
-pub(super) fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().concat()
-}
-
-/// ` {88} 1.234 s`: where a value was seen. What a file states has no frame.
-pub(super) fn place(entry: &Entry, first: Option<Timestamp>) -> String {
-    let frame = if entry.origin.frame == 0 { String::new() } else { format!(" {{{}}}", entry.origin.frame) };
-    let time = entry.origin.time.zip(first).map_or(String::new(), |(time, first)| {
-        let milliseconds = time.since(first) / 1_000_000;
-        format!(" {}.{:03} s", milliseconds / 1000, milliseconds.unsigned_abs() % 1000)
-    });
-    format!("{frame}{time}")
 }
 
 /// One object as a JSON object.

@@ -10,8 +10,8 @@ use cobscope_decoder::event::{Event, EventKind, FrameRange, Protocol, Undecoded}
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::replay::{Spot, Told, World};
 
-use super::shared::Shared;
-use super::{Row, Target};
+use crate::timeline::shared::Shared;
+use crate::timeline::{Row, Target};
 
 /// Bytes in which the end of a line is looked for.
 const LONGEST_LINE: usize = 4 * 1024;

@@ -3,43 +3,15 @@
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
-use cobscope_decoder::frame::{BusIndex, Timestamp};
+use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::replay::{Spot, World};
 use cobscope_decoder::sink::escape;
-use cobscope_decoder::wire::NodeId;
-use regex_lite::Regex;
 
+use super::{NodeKey, Place, Sought};
 use crate::select::Bound;
 use crate::theme::{Role, Theme};
 use crate::timeline::{Export, Matcher, Order, Row, Search, Survey, Target, Timeline, Window};
 use crate::words::unknown_bus;
-
-/// A node on a bus.
-pub type NodeKey = (BusIndex, NodeId);
-
-/// A place in time to go to.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Place {
-    /// The beginning.
-    Start,
-    /// The end.
-    End,
-    /// An event.
-    Spot(Spot),
-    /// Behind a frame.
-    Frame(u64),
-    /// A time of the captures' own clock.
-    Time(Timestamp),
-}
-
-/// A look for something.
-#[derive(Debug, Clone)]
-pub struct Sought {
-    /// As typed.
-    pub text: String,
-    /// What rows must match.
-    pub pattern: Regex,
-}
 
 /// What all panes see, and none of them changes by itself.
 pub struct Core {
@@ -346,7 +318,7 @@ impl Core {
     }
 
     /// Says once which buses there are not, behind what is said already.
-    pub(super) fn tell_unknown_buses(&mut self) {
+    pub fn tell_unknown_buses(&mut self) {
         let unknown = self.unknown_buses(&self.timeline.survey());
         if !unknown.is_empty() {
             let said = self.said.take().map(|(_, text)| text);

@@ -10,8 +10,7 @@ use cobscope_decoder::profile::{BitOrder, DataType, Factor, Field, Found, Meanin
 use cobscope_decoder::session::{Entry, Node};
 use cobscope_decoder::wire::canopen::ObjectAddress;
 
-use super::payload::shown;
-use crate::app::Core;
+use crate::state::Core;
 
 /// Where a field lies, and how it is read.
 pub(super) fn place(field: &Field) -> Vec<String> {
@@ -37,7 +36,7 @@ pub(super) fn notes(core: &Core, node: Option<&Node>, field: &Field, signal: &Si
 }
 
 /// How a value of an object came about.
-pub(in crate::panes) fn of_value(
+pub(super) fn of_value(
     core: &Core,
     node: Option<&Node>,
     meaning: &Meaning,
@@ -163,7 +162,7 @@ fn source(core: &Core, node: Option<&Node>, what: &str, object: ObjectAddress) -
 }
 
 /// `read {88} 1.234 s`.
-pub(in crate::panes) fn origin(core: &Core, entry: &Entry) -> String {
+pub(super) fn origin(core: &Core, entry: &Entry) -> String {
     let frame = if entry.origin.frame == 0 { String::new() } else { format!(" {{{}}}", entry.origin.frame) };
     let time = core.seconds(entry.origin.time).map_or(String::new(), |time| format!(" {time:.3} s"));
     format!("{}{frame}{time}", entry.origin.kind.verb())
@@ -176,5 +175,18 @@ fn permitted(meaning: &Meaning) -> Option<String> {
         (Some([least, most]), _) => Some(format!("{least} to {most}{unit}")),
         (None, Some([least, most])) => Some(format!("raw {least} to {most}")),
         (None, None) => None,
+    }
+}
+
+/// `05 83 21`.
+pub(super) fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" ")
+}
+
+/// A value as people write it, with what is unknown as bytes.
+pub(super) fn shown(meaning: Option<&Meaning>, bytes: &[u8]) -> String {
+    match meaning.map(|meaning| (meaning, meaning.decode(bytes))) {
+        Some((meaning, value)) if !matches!(value, Value::Bytes(_)) => meaning.show(&value),
+        _ => hex(bytes),
     }
 }

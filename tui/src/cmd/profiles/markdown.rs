@@ -6,8 +6,8 @@ use cobscope_decoder::profile::Device;
 use cobscope_decoder::profile::device::UdsIdentifier;
 use cobscope_decoder::sink::escape;
 
-use super::describe::{FIRM, behaviour, j1939, network, uds};
-use super::profiles::counts;
+use super::counts::counts;
+use crate::cmd::describe::{FIRM, behaviour, j1939, network, uds};
 
 /// Tables of what the device does; its objects stand in the page of text only.
 pub(super) fn markdown(device: &Device) -> String {
@@ -168,7 +168,7 @@ fn uds_codes(device: &Device) -> Vec<Vec<String>> {
 }
 
 fn rules(device: &Device) -> Vec<Vec<String>> {
-    super::profile_page::rules(&device.rules)
+    super::page::rules(&device.rules)
         .into_iter()
         .map(|(name, rule)| vec![name, rule.text.clone(), rule.severity.name().into(), rule.source.clone()])
         .collect()

@@ -13,10 +13,10 @@ use cobscope_decoder::sink::jsonl::Jsonl;
 use cobscope_decoder::sink::text::{PdoLines, Text, TextOptions};
 use cobscope_decoder::words::plural;
 
-use super::shared::Shared;
-use super::walk::Walk;
-use super::{Matcher, News};
 use crate::record::format;
+use crate::timeline::shared::Shared;
+use crate::timeline::walk::Walk;
+use crate::timeline::{Matcher, News};
 
 /// Bytes gathered before they are written.
 const BUFFER: usize = 64 * 1024;
@@ -60,7 +60,7 @@ impl Export {
 }
 
 /// Writes it, and tells what was written.
-pub(super) fn run(shared: &Shared, export: &Export, news: &Sender<News>) {
+pub(in crate::timeline) fn run(shared: &Shared, export: &Export, news: &Sender<News>) {
     let name = export.path.display();
     let told = write(shared, export);
     let told =

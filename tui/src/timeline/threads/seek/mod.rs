@@ -6,6 +6,7 @@
 //!
 //! Marks of its own, closer together, make going on nearby cheap.
 
+mod ahead;
 mod search;
 
 use std::collections::VecDeque;
@@ -17,10 +18,10 @@ use cobscope_decoder::capture::CaptureError;
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::replay::{Mark, Spot, Told};
 
-use super::order::{Order, Target, Window};
-use super::shared::Shared;
-use super::walk::Walk;
-use super::{Matcher, Matches, News, Row};
+use crate::timeline::order::{Order, Target, Window};
+use crate::timeline::shared::Shared;
+use crate::timeline::walk::Walk;
+use crate::timeline::{Matcher, Matches, News, Row};
 
 /// How long the index may take to its first frames before it is shown that there are none yet.
 const FIRST_WAIT: Duration = Duration::from_millis(50);
@@ -39,7 +40,7 @@ const MOST_SPAN: u64 = 4_096;
 const MOST_FRAMES: usize = 512;
 
 /// Answers orders until nobody can give any; of several that wait the last one counts.
-pub(super) fn run(shared: &Arc<Shared>, orders: &Receiver<Order>, news: &Sender<News>) {
+pub(in crate::timeline) fn run(shared: &Arc<Shared>, orders: &Receiver<Order>, news: &Sender<News>) {
     let mut seeker = Seeker { shared: Arc::clone(shared), near: VecDeque::new() };
     let mut next = orders.recv().ok();
     shared.wait_for_first(FIRST_WAIT);
@@ -128,7 +129,7 @@ impl Seeker {
         let index = self.shared.index.read().unwrap_or_else(PoisonError::into_inner);
         let world = Arc::new(index.marks().last()?.world.clone());
         drop(index);
-        let rows = super::ahead::rows(&self.shared, order.target, order.before.max(1), &world)?;
+        let rows = ahead::rows(&self.shared, order.target, order.before.max(1), &world)?;
         let selected = if order.target == Target::End { rows.len().checked_sub(1)? } else { 0 };
         let spot = Spot::behind(world.frames());
         let (is_pending, is_missed, frames) = (true, false, Vec::new());

@@ -1,21 +1,23 @@
 //! What the options common to all captures say: buses, nodes, profiles.
 
-use std::io::Write as _;
+mod databases;
+pub(super) mod device_files;
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context as _, anyhow};
 use cobscope_decoder::bus_file::{BusFile, Written};
-use cobscope_decoder::capture::{ReadOptions, TimeStyle};
+use cobscope_decoder::capture::{BusNames, ReadOptions, TimeStyle};
 use cobscope_decoder::profile::{Catalogue, ProfileError, TextError, is_bus_file};
 use cobscope_decoder::query::Filter;
 use cobscope_decoder::rules::Setup;
 use cobscope_decoder::session::{AssignedBy, Assignment, ProtocolChoice, SessionOptions};
-use cobscope_decoder::sink::escape;
 
-use super::databases::databases;
-use super::device_files;
+use super::messages::warn;
 use crate::cli::{InputArgs, NodeArg, Protocol, StampStyle};
+use crate::words::unknown_bus;
+use databases::databases;
 
 /// Captures to read: those named, else standard input.
 pub(super) fn captures(input: &InputArgs) -> Vec<PathBuf> {
@@ -246,7 +248,24 @@ fn add_file(catalogue: &mut Catalogue, path: &Path) {
     }
 }
 
-pub(super) fn warn(text: &str) {
-    let lines: Vec<_> = text.lines().map(escape).collect();
-    let _ = writeln!(std::io::stderr(), "cobscope: {}", lines.join("\n"));
+/// Names of buses the user gave, and by what.
+pub(super) fn named_buses(input: &InputArgs, options: &SessionOptions) -> Vec<(String, &'static str)> {
+    let of_file = options.bus_file.buses.iter().map(|(name, _)| (name, "the bus file"));
+    let of_nodes = input.node.iter().filter_map(|node| Some((node.bus.as_ref()?, "--node")));
+    let of_files = input.eds.iter().filter_map(|file| Some((file.node.bus.as_ref()?, "--eds")));
+    let all = of_file.chain(of_nodes).chain(of_files);
+    all.map(|(name, by)| (name.clone(), by)).collect()
+}
+
+/// What is said of buses that are named and that a capture does not have.
+pub(super) fn unknown_buses(
+    path: &Path,
+    input: &InputArgs,
+    options: &SessionOptions,
+    names: &BusNames,
+) -> Vec<String> {
+    let capture = path.display().to_string();
+    let has: Vec<&str> = names.names().iter().map(String::as_str).collect();
+    let wanted = named_buses(input, options);
+    wanted.iter().filter_map(|(name, by)| unknown_bus(&capture, name, by, &has)).collect()
 }

@@ -9,8 +9,8 @@ use cobscope_decoder::profile::device::{
 };
 use cobscope_decoder::sink::escape;
 
-use super::describe::network::{self, Fact};
-use super::describe::{behaviour, fold, j1939, object, section as cite, uds};
+use crate::cmd::describe::network::{self, Fact};
+use crate::cmd::describe::{behaviour, fold, j1939, object, section as cite, uds};
 
 /// Everything the profile says, in short.
 pub(super) fn page(device: &Device) -> String {

@@ -4,12 +4,12 @@ use std::sync::atomic::Ordering;
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, PoisonError};
 
-use super::News;
-use super::shared::Shared;
-use super::walk::Walk;
+use crate::timeline::News;
+use crate::timeline::shared::Shared;
+use crate::timeline::walk::Walk;
 
 /// Runs until all is read or nobody wants to know.
-pub(super) fn run(shared: &Shared, news: &Sender<News>) {
+pub(in crate::timeline) fn run(shared: &Shared, news: &Sender<News>) {
     match Walk::start(shared) {
         Ok(mut walk) => {
             go(shared, &mut walk, news);

@@ -12,9 +12,9 @@ use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::NodeId;
 use serde_json::json;
 
-use super::device_files;
-use super::objects::{hex, label, place};
+use super::entry::{hex, label, place};
 use crate::cli::{ObjectsArgs, ReportFormat};
+use crate::cmd::input::device_files;
 
 /// Store and restore: a read tells what the device can do, not what was wanted.
 const COMMANDS: [u16; 2] = [0x1010, 0x1011];

@@ -2,9 +2,9 @@
 
 use cobscope_decoder::replay::{Spot, Told};
 
-use super::super::order::{Order, Search};
-use super::super::walk::Walk;
 use super::{Answer, FIRST_SPAN, NEAR, Seeker};
+use crate::timeline::order::{Order, Search};
+use crate::timeline::walk::Walk;
 
 impl Seeker {
     /// The next place a search meets: `Some(None)` if there is none.

@@ -1,7 +1,5 @@
 //! What a user can want, apart from the keys for it.
 
-use super::Place;
-
 /// One thing to do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
@@ -79,8 +77,6 @@ pub enum Action {
     SetCursor,
     /// Copy the selected line.
     Copy,
-    /// Copy the command that shows this view again.
-    CopyCommand,
     /// Write what is shown to a file.
     Export,
     /// The next theme.
@@ -89,25 +85,4 @@ pub enum Action {
     Help,
     /// Leave the program.
     Quit,
-}
-
-/// What a pane, or the user, wants of the application.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Effect {
-    /// Move the cursor in time.
-    Go(Place),
-    /// Show a pane.
-    Show(super::PaneId),
-    /// Filter events.
-    Filter(String),
-    /// Make a node the one that panes tell of.
-    Node(super::NodeKey),
-    /// Put a signal on the plot.
-    Plot(super::SignalKey),
-    /// Say something below.
-    Say(String),
-    /// Say that something is not possible.
-    Refuse(String),
-    /// Put a text on the user's clipboard.
-    Copy(String),
 }

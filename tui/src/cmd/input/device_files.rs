@@ -14,8 +14,8 @@ use cobscope_decoder::session::{AssignedBy, Assignment};
 use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::words::plural;
 
-use super::input::warn;
 use crate::cli::{FileArg, InputArgs};
+use crate::cmd::messages::warn;
 
 /// Problems of a file that are told where it is used.
 const TOLD: usize = 5;
@@ -24,13 +24,13 @@ const TOLD: usize = 5;
 const LARGEST: u64 = 64 << 20;
 
 /// Whether the name of a file is that of a device file.
-pub(super) fn is_device_file(path: &Path) -> bool {
+pub(in crate::cmd) fn is_device_file(path: &Path) -> bool {
     let kinds = ["eds", "dcf", "xdd", "xdc"];
     path.extension().is_some_and(|extension| kinds.iter().any(|kind| extension.eq_ignore_ascii_case(kind)))
 }
 
 /// Name of a file without its folder.
-pub(super) fn name(path: &Path) -> String {
+pub(in crate::cmd) fn name(path: &Path) -> String {
     path.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned())
 }
 
@@ -38,7 +38,7 @@ pub(super) fn name(path: &Path) -> String {
 ///
 /// # Errors
 /// A file that cannot be read, or is none.
-pub(super) fn read(path: &Path) -> anyhow::Result<Arc<DeviceFile>> {
+pub(in crate::cmd) fn read(path: &Path) -> anyhow::Result<Arc<DeviceFile>> {
     let file = device_file::parse(&bytes(path)?).with_context(|| path.display().to_string())?;
     Ok(Arc::new(file))
 }
@@ -47,7 +47,7 @@ pub(super) fn read(path: &Path) -> anyhow::Result<Arc<DeviceFile>> {
 ///
 /// # Errors
 /// A file that cannot be read, or is larger.
-pub(super) fn bytes(path: &Path) -> anyhow::Result<Vec<u8>> {
+pub(in crate::cmd) fn bytes(path: &Path) -> anyhow::Result<Vec<u8>> {
     let shown = path.display();
     let mut bytes = Vec::new();
     let file = File::open(path).with_context(|| format!("{shown}: cannot be read"))?;
@@ -57,7 +57,7 @@ pub(super) fn bytes(path: &Path) -> anyhow::Result<Vec<u8>> {
 }
 
 /// `pump.eds:12: reason`, a line a problem.
-pub(super) fn problem_lines(path: &Path, file: &DeviceFile) -> Vec<String> {
+pub(in crate::cmd) fn problem_lines(path: &Path, file: &DeviceFile) -> Vec<String> {
     let shown = path.display();
     let line = |problem: &device_file::Problem| match problem.line {
         0 => format!("{shown}: {}", problem.reason),
@@ -70,7 +70,7 @@ pub(super) fn problem_lines(path: &Path, file: &DeviceFile) -> Vec<String> {
 ///
 /// # Errors
 /// Files that cannot be read at all; what is wrong within one is told.
-pub(super) fn assignments(input: &InputArgs, bus_file: &BusFile) -> anyhow::Result<Vec<Assignment>> {
+pub(in crate::cmd) fn assignments(input: &InputArgs, bus_file: &BusFile) -> anyhow::Result<Vec<Assignment>> {
     let folder = input.bus.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
     let mut reader = Reader::default();
     let mut all = Vec::new();
@@ -123,7 +123,7 @@ fn tell(path: &Path, file: &DeviceFile) {
 }
 
 /// Adds a device file of a folder to the profiles. One that cannot be read is said.
-pub(super) fn add_to(catalogue: &mut Catalogue, path: &Path) {
+pub(in crate::cmd) fn add_to(catalogue: &mut Catalogue, path: &Path) {
     let file = match read(path) {
         Ok(file) => file,
         Err(error) => return warn(&format!("{error:#}")),

@@ -1,5 +1,9 @@
 //! `cobscope profiles`: the devices that are known, what is known of them, whether a profile is right.
 
+mod counts;
+mod markdown;
+mod page;
+
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::Path;
@@ -11,12 +15,13 @@ use cobscope_decoder::samples::check_samples;
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::words::plural;
 
-use super::device_files;
+use super::input::{add_siblings, device_files};
 use super::output::print;
-use super::profile_markdown::markdown;
-use super::profile_page::page;
 use crate::cli::{PageFormat, ProfilesCommand};
 use crate::exit_code::Exit;
+use counts::counts;
+use markdown::markdown;
+use page::page;
 
 /// Runs the command.
 pub fn run(command: &ProfilesCommand, catalogue: &Catalogue) -> Exit {
@@ -82,26 +87,6 @@ fn show(catalogue: &Catalogue, profile: &str, shown: impl Fn(&Device) -> String)
     }
 }
 
-/// How much of a device is described.
-pub(super) fn counts(device: &Device) -> [(&'static str, usize); 12] {
-    let fields = device.pdos.iter().map(|pdo| pdo.fields.len()).sum::<usize>();
-    let states = device.machines.iter().map(|machine| machine.states.len()).sum::<usize>();
-    [
-        ("object entries", device.object_count()),
-        ("EMCY codes", device.emcy.code.len()),
-        ("abort codes", device.aborts.len()),
-        ("PDO layouts", device.pdos.len()),
-        ("PDO fields", fields),
-        ("state machines", device.machines.len()),
-        ("states", states),
-        ("gates", device.gates.len()),
-        ("procedures", device.procedures.len()),
-        ("rules", device.rules.len()),
-        ("waivers", device.waivers.len()),
-        ("samples", device.samples.len()),
-    ]
-}
-
 fn counted(device: &Device) -> String {
     let mut text = format!("{}\n", device.full_id);
     for (name, number) in counts(device) {
@@ -164,7 +149,7 @@ fn import(path: &Path) -> Exit {
 fn check_one(path: &Path, name: &str, text: &str) -> Exit {
     let mut catalogue = Catalogue::default();
     let folder = path.parent().unwrap_or(Path::new("."));
-    super::input::add_siblings(&mut catalogue, folder, path);
+    add_siblings(&mut catalogue, folder, path);
     if let Err(error) = catalogue.add_text(name, text) {
         complain(&error.to_string());
         return Exit::Profile;

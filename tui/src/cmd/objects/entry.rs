@@ -1,0 +1,26 @@
+//! Texts about a node and about one entry of its object store.
+
+use cobscope_decoder::frame::Timestamp;
+use cobscope_decoder::session::{Bus, Entry, Node};
+use cobscope_decoder::sink::escape;
+
+/// `node 2/02 pump on can0`.
+pub(super) fn label(bus: &Bus, node: &Node) -> String {
+    let name = node.name().map_or(String::new(), |name| format!(" {}", escape(name)));
+    format!("{}{name} on {}", node.id().words(), escape(bus.name()))
+}
+
+/// Hex pairs without spaces.
+pub(super) fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().concat()
+}
+
+/// ` {88} 1.234 s`: where a value was seen. What a file states has no frame.
+pub(super) fn place(entry: &Entry, first: Option<Timestamp>) -> String {
+    let frame = if entry.origin.frame == 0 { String::new() } else { format!(" {{{}}}", entry.origin.frame) };
+    let time = entry.origin.time.zip(first).map_or(String::new(), |(time, first)| {
+        let milliseconds = time.since(first) / 1_000_000;
+        format!(" {}.{:03} s", milliseconds / 1000, milliseconds.unsigned_abs() % 1000)
+    });
+    format!("{frame}{time}")
+}

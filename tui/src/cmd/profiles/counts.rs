@@ -1,0 +1,23 @@
+//! Numbers of entries in a profile.
+
+use cobscope_decoder::profile::Device;
+
+/// How much of a device is described.
+pub(super) fn counts(device: &Device) -> [(&'static str, usize); 12] {
+    let fields = device.pdos.iter().map(|pdo| pdo.fields.len()).sum::<usize>();
+    let states = device.machines.iter().map(|machine| machine.states.len()).sum::<usize>();
+    [
+        ("object entries", device.object_count()),
+        ("EMCY codes", device.emcy.code.len()),
+        ("abort codes", device.aborts.len()),
+        ("PDO layouts", device.pdos.len()),
+        ("PDO fields", fields),
+        ("state machines", device.machines.len()),
+        ("states", states),
+        ("gates", device.gates.len()),
+        ("procedures", device.procedures.len()),
+        ("rules", device.rules.len()),
+        ("waivers", device.waivers.len()),
+        ("samples", device.samples.len()),
+    ]
+}

@@ -1,0 +1,34 @@
+//! Text searches.
+
+use regex_lite::Regex;
+
+/// A look for something.
+#[derive(Debug, Clone)]
+pub struct Sought {
+    /// As typed.
+    pub text: String,
+    /// What rows must match.
+    pub pattern: Regex,
+}
+
+/// A pattern; without capital letters in it case does not matter.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn pattern(text: &str) -> Result<Regex, String> {
+    let is_any_case = !text.chars().any(char::is_uppercase);
+    let written = if is_any_case { format!("(?i){text}") } else { text.to_owned() };
+    Regex::new(&written).map_err(|error| error.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_search_minds_case_only_if_it_is_typed_with_some() {
+        assert!(pattern("emcy").unwrap().is_match("EMCY"));
+        assert!(!pattern("Emcy").unwrap().is_match("EMCY"));
+        assert!(pattern("[").is_err());
+    }
+}

@@ -1,0 +1,45 @@
+//! Looks for the events that are shown, in the whole capture while the index grows.
+
+use std::sync::Arc;
+use std::sync::mpsc::Sender;
+
+use cobscope_decoder::replay::Told;
+
+use crate::timeline::matches::Matches;
+use crate::timeline::news::News;
+use crate::timeline::shared::Shared;
+use crate::timeline::walk::Walk;
+
+/// Frames between two looks at whether the search is still wanted.
+const STRIDE: u64 = 4_096;
+
+/// Looks at the whole capture.
+pub(in crate::timeline) fn run(shared: &Shared, matches: &Arc<Matches>, news: &Sender<News>) {
+    shared.wait_for_index();
+    if let Ok(mut walk) = Walk::start(shared) {
+        let mut see = |told: Told<'_>| {
+            if matches.matcher.takes(&told) {
+                matches.add(&told);
+            }
+        };
+        let mut next = STRIDE;
+        while !shared.is_over() && !matches.is_stopped() {
+            match walk.leap(u64::MAX, &mut see) {
+                Ok(true) => {}
+                Ok(false) => break,
+                Err(_) => {
+                    walk.close(&mut see);
+                    break;
+                }
+            }
+            if walk.world.frames() >= next {
+                next = walk.world.frames() + STRIDE;
+                matches.set_scanned(walk.world.frames());
+            }
+        }
+        matches.set_scanned(walk.world.frames());
+    }
+    matches.complete();
+    // The application may be gone.
+    let _ = news.send(News::Filtered);
+}

@@ -1,0 +1,11 @@
+//! The threads of a timeline, one per file. Each fills one part of [`Shared`](super::Shared) or sends
+//! [`News`](super::News), and ends when the timeline does.
+
+pub(super) mod export;
+pub(super) mod index;
+pub(super) mod matches;
+pub(super) mod seek;
+pub(super) mod survey;
+pub(super) mod traces;
+
+pub use export::Export;

@@ -1,0 +1,240 @@
+//! Reads the whole capture in a pass of its own: findings, exchanges, errors, load.
+
+use std::sync::mpsc::Sender;
+use std::sync::{Arc, PoisonError};
+use std::time::{Duration, Instant};
+
+use cobscope_decoder::event::{
+    DtcAction, EmcyAction, Event, EventKind, ExchangeOutcome, MessageOutcome, Outcome,
+};
+use cobscope_decoder::frame::Frame;
+use cobscope_decoder::replay::{Spot, Told};
+use cobscope_decoder::rules::{Engine, Setup};
+use cobscope_decoder::session::Bus;
+use cobscope_decoder::sink::escape;
+use cobscope_decoder::sink::text::Line;
+use cobscope_decoder::statistics::Statistics;
+
+use crate::timeline::load::LoadOverTime;
+use crate::timeline::news::News;
+use crate::timeline::shared::Shared;
+use crate::timeline::survey::{
+    Exchange, MOST_ERRORS, MOST_EXCHANGES, MOST_NEWS, Occurred, Opened, bit_rate_change,
+};
+use crate::timeline::walk::Walk;
+
+/// Frames between two times what was found is told.
+const STRIDE: u64 = 65_536;
+
+/// How often the survey of what is still coming is told.
+const TELL: Duration = Duration::from_millis(200);
+
+/// Looks at the whole capture.
+pub(in crate::timeline) fn run(shared: &Shared, setup: &Arc<Setup>, news: &Sender<News>) {
+    if let Ok(mut walk) = Walk::start(shared) {
+        let mut surveyor = Surveyor::new(setup);
+        let mut next = STRIDE;
+        let mut told = Instant::now();
+        while !shared.is_over() {
+            // What follows may take long to come.
+            if walk.is_drained() && told.elapsed() >= TELL {
+                told = Instant::now();
+                surveyor.tell(shared, walk.world.frames());
+            }
+            match walk.peek() {
+                Ok(Some(frame)) => surveyor.frame(frame),
+                // A notice: time may have gone on without a frame.
+                Ok(None) => surveyor.advance(walk.world.buses()),
+                Err(_) => {}
+            }
+            match walk.step(&mut |told: Told<'_>| surveyor.event(&told)) {
+                Ok(true) => {}
+                Ok(false) => break,
+                Err(_) => {
+                    walk.close(&mut |told: Told<'_>| surveyor.event(&told));
+                    break;
+                }
+            }
+            if walk.world.frames() >= next {
+                next = walk.world.frames() + STRIDE;
+                surveyor.tell(shared, walk.world.frames());
+            }
+        }
+        surveyor.tell(shared, walk.world.frames());
+        let names = walk.names().to_vec();
+        surveyor.finish(shared, walk.world.buses(), names);
+    }
+    shared.survey.write().unwrap_or_else(PoisonError::into_inner).is_complete = true;
+    // The application may be gone.
+    let _ = news.send(News::Surveyed);
+}
+
+/// Gathers between two times it is told.
+struct Surveyor {
+    engine: Engine,
+    news: Vec<Opened>,
+    exchanges: Vec<Exchange>,
+    errors: Vec<Spot>,
+    load: Vec<LoadOverTime>,
+    statistics: Statistics,
+    kept: (usize, usize, usize),
+    more_exchanges: u64,
+    bit_rate_change: Option<(String, String)>,
+}
+
+impl Surveyor {
+    /// Lets time go on to where the buses are.
+    fn advance(&mut self, buses: &[Bus]) {
+        for bus in buses {
+            self.engine.advance(bus, &mut |_: &Event, _: &Bus| ());
+        }
+    }
+
+    fn new(setup: &Arc<Setup>) -> Self {
+        Self {
+            engine: Engine::new(Arc::clone(setup)),
+            news: Vec::new(),
+            exchanges: Vec::new(),
+            errors: Vec::new(),
+            load: Vec::new(),
+            statistics: Statistics::default(),
+            kept: (0, 0, 0),
+            more_exchanges: 0,
+            bit_rate_change: None,
+        }
+    }
+
+    fn frame(&mut self, frame: &Frame) {
+        self.engine.frame(frame);
+        self.statistics.frame(frame);
+        let bus = usize::from(frame.bus.0);
+        if self.load.len() <= bus {
+            self.load.resize_with(bus + 1, LoadOverTime::default);
+        }
+        if let Some(load) = self.load.get_mut(bus) {
+            load.add(frame);
+        }
+    }
+
+    fn event(&mut self, told: &Told<'_>) {
+        self.statistics.event(told.event);
+        let (news, kept) = (&mut self.news, &mut self.kept);
+        let mut opened = |event: &Event, _: &Bus| {
+            if let EventKind::FindingOpened(finding) = &event.kind
+                && kept.0 < MOST_NEWS
+            {
+                kept.0 += 1;
+                let (bus, node, finding) = (event.bus, event.node, (**finding).clone());
+                news.push(Opened { spot: told.spot, time: event.time, bus, node, news: finding });
+            }
+        };
+        self.engine.event(told.event, told.bus, &mut opened);
+        if let Some(change) = bit_rate_change(told.event) {
+            self.bit_rate_change = Some((escape(told.bus.name()).into_owned(), escape(change).into_owned()));
+        }
+        if is_error(told.event) && self.kept.1 < MOST_ERRORS {
+            self.kept.1 += 1;
+            self.errors.push(told.spot);
+        }
+        if let Some(exchange) = exchange(told) {
+            if self.kept.2 < MOST_EXCHANGES {
+                self.kept.2 += 1;
+                self.exchanges.push(exchange);
+            } else {
+                self.more_exchanges += 1;
+            }
+        }
+    }
+
+    fn tell(&mut self, shared: &Shared, frames: u64) {
+        let mut survey = shared.survey.write().unwrap_or_else(PoisonError::into_inner);
+        survey.frames = frames;
+        survey.places.extend(self.news.iter().map(|opened| Occurred {
+            frame: opened.spot.frame,
+            time: opened.time,
+            id: opened.news.id,
+            severity: opened.news.severity,
+        }));
+        survey.news.append(&mut self.news);
+        survey.exchanges.append(&mut self.exchanges);
+        survey.errors.append(&mut self.errors);
+        survey.more_exchanges = self.more_exchanges;
+        survey.bit_rate_change.clone_from(&self.bit_rate_change);
+        survey.load.clone_from(&self.load);
+        survey.statistics.clone_from(&self.statistics);
+    }
+
+    fn finish(self, shared: &Shared, buses: &[Bus], names: Vec<String>) {
+        let findings = self.engine.finish(buses, &mut |_: &Event, _: &Bus| ());
+        let mut places = Vec::new();
+        for group in findings.counting() {
+            places.extend(group.first.iter().chain(&group.last).map(|occurrence| Occurred {
+                frame: occurrence.frames.last,
+                time: occurrence.time,
+                id: group.id,
+                severity: group.severity,
+            }));
+        }
+        places.sort_by_key(|place| (place.frame, place.id));
+        places.dedup();
+        let mut survey = shared.survey.write().unwrap_or_else(PoisonError::into_inner);
+        survey.places = places;
+        survey.findings = Some(findings);
+        survey.buses = names;
+    }
+}
+
+/// Whether an event tells that something went wrong.
+fn is_error(event: &Event) -> bool {
+    match &event.kind {
+        EventKind::Emcy(emergency) => emergency.action == EmcyAction::Raised,
+        EventKind::Dtc(dtc) => dtc.action == DtcAction::Raised,
+        EventKind::NodeLost(_)
+        | EventKind::CanError(_)
+        | EventKind::LostFrames { .. }
+        | EventKind::Malformed { .. }
+        | EventKind::MessageGap(_) => true,
+        EventKind::DeviceState(state) => state.fault,
+        EventKind::SdoTransfer(transfer) => {
+            matches!(transfer.outcome, Outcome::Aborted | Outcome::Timeout)
+        }
+        EventKind::J1939Transfer(transfer) => {
+            !matches!(transfer.outcome, Outcome::Complete | Outcome::Unfinished)
+        }
+        EventKind::UdsExchange(exchange) => {
+            matches!(exchange.outcome, ExchangeOutcome::Negative | ExchangeOutcome::NoAnswer)
+        }
+        _ => false,
+    }
+}
+
+/// The row of messages that belong together.
+fn exchange(told: &Told<'_>) -> Option<Exchange> {
+    let event = told.event;
+    let (duration, size, outcome) = match &event.kind {
+        EventKind::SdoTransfer(transfer) => (transfer.duration, transfer.size, transfer.outcome.name()),
+        EventKind::J1939Transfer(transfer) => (transfer.duration, transfer.size, transfer.outcome.name()),
+        EventKind::UdsExchange(exchange) => (exchange.duration, 0, exchange.outcome.name()),
+        // Whole ones are the messages of UDS exchanges.
+        EventKind::IsoTpTransfer(transfer) if transfer.outcome != MessageOutcome::Complete => {
+            (transfer.duration, transfer.size, transfer.outcome.name())
+        }
+        _ => return None,
+    };
+    let line = Line::of(event, told.bus);
+    Some(Exchange {
+        spot: told.spot,
+        time: event.time,
+        frames: event.frames,
+        bus: event.bus,
+        who: escape(&line.who).into(),
+        node: event.node,
+        kind: line.kind,
+        event_kind: event.kind.name(),
+        what: escape(&line.what).into(),
+        duration,
+        size,
+        outcome,
+        tone: line.tone,
+    })
+}
