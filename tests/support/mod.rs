@@ -4,6 +4,8 @@
 #![allow(dead_code, reason = "each test binary uses a part")]
 #![allow(clippy::disallowed_methods, reason = "the rule is for the decoder, not for what tests it")]
 
+pub mod modules;
+
 use std::env;
 use std::fs::{self, OpenOptions};
 use std::io::Write;

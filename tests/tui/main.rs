@@ -26,6 +26,7 @@ mod stats;
 #[path = "../support/mod.rs"]
 mod support;
 mod terminal;
+mod tidy;
 mod traces;
 mod verdicts;
 mod why;

@@ -16,7 +16,9 @@ use std::fs;
 use std::path::Path;
 use std::sync::mpsc::Receiver;
 
+use cobscope::action::Action;
 use cobscope::app::App;
+use cobscope::panes::PaneId;
 use cobscope::timeline::News;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
@@ -67,6 +69,11 @@ impl Screen {
             self.app.key(key);
             self.settle();
         }
+    }
+
+    fn act(&mut self, action: Action) {
+        self.app.act(action);
+        self.settle();
     }
 
     /// Presses the mouse at `column,line`, both from 0.
@@ -174,6 +181,17 @@ fn every_session_shows_what_stands_in_its_file() {
     assert!(wrong.is_empty(), "\n{wrong}");
 }
 
+/// A session belongs to the pane whose name its file name begins with.
+#[test]
+fn every_pane_has_a_session() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/tui/screens");
+    let names: Vec<_> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    let has_session =
+        |pane: &&PaneId| names.iter().any(|name| name.to_str().unwrap().starts_with(pane.name()));
+    let missing: Vec<_> = PaneId::ALL.iter().filter(|pane| !has_session(pane)).collect();
+    assert!(missing.is_empty(), "{missing:?}: no file in tests/tui/screens");
+}
+
 /// Files in and below a folder, up to a size.
 fn files(folder: &Path, largest: u64, found: &mut Vec<std::path::PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
@@ -203,8 +221,8 @@ fn look_through(folder: &Path) -> usize {
             screen.terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
             for keys in ["]", "vG"] {
                 screen.keys(keys);
-                for pane in 1..=9 {
-                    screen.keys(&pane.to_string());
+                for (_, pane) in PaneId::ALL.iter().zip(1..) {
+                    screen.act(Action::Pane(pane));
                     assert!(!screen.text().contains('\u{1b}'), "{}", path.display());
                     screen.keys("<down><enter><esc>");
                 }

@@ -8,9 +8,7 @@ use std::process::Command;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 
-use cobscope::app::SignalKey;
-use cobscope::timeline::{Captures, MOST_SIGNALS, News, Timeline, Traces};
-use cobscope::widgets::plot::Bucket;
+use cobscope::timeline::{Bucket, Captures, MOST_SIGNALS, News, SignalKey, Timeline, Traces};
 use cobscope_decoder::capture::ReadOptions;
 use cobscope_decoder::frame::{CanId, Timestamp};
 use cobscope_decoder::profile::Catalogue;

@@ -1,0 +1,64 @@
+//! Rules about the sources of the program.
+
+use crate::support::modules::Modules;
+
+/// Modules of `tui/src` with those they may import: all of them are further up. `lib.rs` starts the program and is
+/// exempt, as `main.rs` is.
+const LAYERS: &[(&str, &[&str])] = &[
+    ("exit_code", &[]),
+    ("figures", &[]),
+    ("bucket", &[]),
+    ("theme", &[]),
+    ("action", &[]),
+    ("words", &["figures"]),
+    ("select", &["figures"]),
+    ("record", &["figures"]),
+    ("source", &["record"]),
+    ("widgets", &["bucket", "theme"]),
+    ("timeline", &["bucket", "record", "source"]),
+    ("state", &["theme", "words", "select", "timeline"]),
+    ("panes", &["figures", "bucket", "theme", "action", "words", "widgets", "timeline", "state"]),
+    ("keymap", &["action", "panes"]),
+    ("app", &["theme", "action", "select", "source", "widgets", "timeline", "state", "panes", "keymap"]),
+    ("terminal", &["timeline", "app"]),
+    ("cli", &["select", "panes"]),
+    (
+        "cmd",
+        &[
+            "exit_code",
+            "figures",
+            "theme",
+            "words",
+            "select",
+            "record",
+            "source",
+            "timeline",
+            "app",
+            "terminal",
+            "cli",
+        ],
+    ),
+];
+
+/// Commands that start the terminal UI; no other one may import it.
+const START_UI: [&str; 2] = ["cmd/live/screen", "cmd/view"];
+
+#[test]
+fn every_layer_imports_only_those_before_it() {
+    let report = Modules::read("tui/src").violations(LAYERS);
+    assert!(report.is_empty(), "\n{report}");
+}
+
+#[test]
+fn only_commands_that_start_the_ui_import_it() {
+    let modules = Modules::read("tui/src");
+    for layer in ["app", "terminal"] {
+        assert_eq!(modules.importers("cmd", layer), START_UI, "{layer}");
+    }
+}
+
+#[test]
+fn files_of_a_folder_do_not_import_each_other_in_circles() {
+    let report = Modules::read("tui/src").cycles();
+    assert!(report.is_empty(), "\n{report}");
+}
