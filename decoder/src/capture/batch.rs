@@ -1,6 +1,6 @@
 //! The reused block of frames a reader fills.
 
-use super::Notice;
+use super::notice::{Notice, Place};
 use crate::frame::Frame;
 
 /// Frames a batch holds: 256 of them stay in a core's second-level cache.
@@ -77,6 +77,11 @@ impl Batch {
         self.notices.push((self.length, notice));
     }
 
+    /// Adds a line or record that cannot be read, before the next frame.
+    pub(super) fn push_unreadable(&mut self, place: Place, reason: String) {
+        self.notice(Notice::Unreadable { place, reason });
+    }
+
     /// The frames, in capture order.
     pub fn frames(&self) -> &[Frame] {
         self.frames.get(..self.length).unwrap_or(&[])
@@ -112,7 +117,6 @@ pub enum Item<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Place;
     use super::*;
     use crate::frame::CanId;
 

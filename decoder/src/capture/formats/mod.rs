@@ -3,7 +3,7 @@
 mod asc;
 mod blf;
 mod busmaster;
-pub(super) mod candump;
+mod candump;
 mod canking;
 mod carbus;
 mod crtd;

@@ -5,8 +5,8 @@
 //! ```
 //! How much there is, is found out by reading it.
 
-use super::object::{FILL, Head};
-use super::{CaptureError, TITLE};
+use super::object::{FILL, Head, TITLE};
+use crate::capture::CaptureError;
 use crate::capture::byte_order::ByteOrder::Little;
 use crate::capture::inflate::{Inflated, inflate};
 

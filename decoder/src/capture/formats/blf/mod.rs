@@ -24,8 +24,6 @@ use objects::{LARGEST_OBJECT, LOG_CONTAINER, Objects, is_read};
 use crate::capture::byte_order::ByteOrder::Little;
 use crate::capture::{Batch, BusNames, CaptureError, Format, Notice, Parser, Place, calendar};
 
-const TITLE: &str = "Vector BLF";
-
 const MAGIC: &[u8] = b"LOGG";
 /// Header as all known versions have it, and the part of it that is read.
 const HEADER: usize = 144;
@@ -36,7 +34,7 @@ const START: usize = 40;
 
 pub(super) const FORMAT: Format = Format {
     name: "blf",
-    title: TITLE,
+    title: object::TITLE,
     is_text: false,
     detect: |head| head.starts_with(MAGIC),
     parser: |_| Box::new(Blf::default()),
@@ -102,7 +100,7 @@ impl Gap {
         let Self { start, count, is_told } = std::mem::take(self);
         if count > FILL as u64 && !is_told {
             let reason = format!("{count} bytes that are no object passed over");
-            unreadable(reason, Place::Offset(start), batch);
+            batch.push_unreadable(Place::Offset(start), reason);
         }
     }
 }
@@ -167,7 +165,7 @@ impl Blf {
         }
         self.has_header = true;
         if !is_usual {
-            unreadable("a header of impossible size".into(), Place::Offset(4), batch);
+            batch.push_unreadable(Place::Offset(4), "a header of impossible size".into());
         }
         if rest.len() < size {
             let reason = format!("the capture ends inside its header: found {} of {size} bytes", rest.len());
@@ -195,7 +193,7 @@ impl Blf {
             batch.notice(Notice::Assumption(text.into()));
         } else {
             let reason = "the start is no date: times count from 1970".into();
-            unreadable(reason, Place::Offset(START as u64), batch);
+            batch.push_unreadable(Place::Offset(START as u64), reason);
         }
     }
 
@@ -251,7 +249,7 @@ impl Blf {
             length = length.saturating_sub(left).max(BASE);
             let reason =
                 format!("a container of {} bytes, in which another begins after {length}", head.size);
-            unreadable(reason, Place::Offset(at), batch);
+            batch.push_unreadable(Place::Offset(at), reason);
         }
         self.inner.close(&container);
         if let Some(reason) = container.damage {
@@ -348,17 +346,13 @@ fn too_long(head: Head, at: u64, batch: &mut Batch) {
     if is_read(head.kind) {
         let reason =
             format!("an object of kind {} and {} bytes: too long for what it is", head.kind, head.size);
-        unreadable(reason, Place::Offset(at), batch);
+        batch.push_unreadable(Place::Offset(at), reason);
     }
 }
 
 fn cut_off(at: u64, batch: &mut Batch) {
     let reason = "the capture ends inside an object".into();
     batch.notice(Notice::CutOff { place: Place::Offset(at), reason });
-}
-
-fn unreadable(reason: String, place: Place, batch: &mut Batch) {
-    batch.notice(Notice::Unreadable { place, reason });
 }
 
 impl Parser for Blf {

@@ -8,6 +8,9 @@
 
 use crate::capture::byte_order::ByteOrder::Little;
 
+/// Title of the format.
+pub(super) const TITLE: &str = "Vector BLF";
+
 /// Bytes that all objects begin with.
 pub(super) const BASE: usize = 16;
 

@@ -1,8 +1,8 @@
 //! What the objects of a capture say, one after the other.
 
+use super::error;
 use super::frame::{self, Content};
 use super::object::Head;
-use super::{error, unreadable};
 use crate::capture::bus_error::Violation;
 use crate::capture::byte_order::ByteOrder::Little;
 use crate::capture::{Batch, BusNames, MAX_BUSES, Notice, Place};
@@ -83,7 +83,7 @@ impl Objects {
         if self.content(head, object, body, place, batch).is_none() {
             let reason =
                 format!("an object of kind {} and {} bytes: too short for what it is", head.kind, head.size);
-            unreadable(reason, place, batch);
+            batch.push_unreadable(place, reason);
         }
     }
 
@@ -116,7 +116,7 @@ impl Objects {
         };
         let time = self.time(object, batch)?;
         let Some(bus) = self.bus(channel) else {
-            unreadable(format!("channel {channel}: more than {MAX_BUSES} channels"), place, batch);
+            batch.push_unreadable(place, format!("channel {channel}: more than {MAX_BUSES} channels"));
             return Some(());
         };
         self.frames += 1;

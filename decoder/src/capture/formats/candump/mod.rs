@@ -9,7 +9,6 @@ mod write;
 use fast::Cache;
 use line::{FrameLine, Line, LineError};
 use time::Clock;
-pub use time::TimeStyle;
 
 use crate::capture::text::lines::{Lines, Step, excerpt};
 use crate::capture::{

@@ -1,18 +1,10 @@
 //! What candump's time stamps mean.
 
+use crate::capture::TimeStyle;
 use crate::frame::Timestamp;
 
 /// Stamps below this (1973 as Unix time) count from the start of the recording, not from 1970.
 const RELATIVE_BELOW: i64 = 100_000_000 * 1_000_000_000;
-
-/// Meaning of relative stamps, and of stamps at all.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum TimeStyle {
-    /// `-t a`, `-l`, `-L`, `-t A`, `-t z`: each stamp stands for itself.
-    Absolute,
-    /// `-t d`: each stamp is the time since the frame before.
-    Delta,
-}
 
 /// Turns stamps into times.
 #[derive(Debug, Clone, Default)]

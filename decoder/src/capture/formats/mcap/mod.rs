@@ -13,6 +13,7 @@
 //!
 //! Reading is done here: the `mcap` crate panics on broken files, and its state cannot be copied. It is used for writing.
 
+mod key;
 mod layout;
 mod message;
 mod record;
@@ -37,27 +38,6 @@ const MAGIC: &[u8] = b"\x89MCAP0\r\n";
 
 /// Bytes of a chunk as it stands in the file, at most.
 const LARGEST_CHUNK: usize = 32 * 1024 * 1024;
-
-/// Who wrote a file, in files of this program.
-const LIBRARY: &str = "cobscope";
-
-/// Keys of a channel's metadata, in files of this program.
-mod key {
-    /// Says that the channel is one of this program, and what for: [`FRAMES`] or [`NOTICES`].
-    pub(super) const COBSCOPE: &str = "cobscope";
-    #[cfg(feature = "mcap")]
-    pub(super) const FRAMES: &str = "frames";
-    pub(super) const NOTICES: &str = "notices";
-    /// Name of the bus.
-    pub(super) const BUS: &str = "bus";
-    /// `rx` or `tx`, if it is known.
-    pub(super) const DIRECTION: &str = "direction";
-    /// `1` where the bit rate was switched, where the sender was error passive.
-    pub(super) const SWITCHED: &str = "brs";
-    pub(super) const PASSIVE: &str = "esi";
-    /// `none` where frames have no time.
-    pub(super) const TIME: &str = "time";
-}
 
 pub(super) const FORMAT: Format = Format {
     name: "mcap",
@@ -150,10 +130,9 @@ impl Mcap {
             return if at_end { self.cut(at, rest, batch) } else { Step::Wait };
         };
         if let Kind::Unknown(kind) = kind {
-            unreadable(
+            batch.push_unreadable(
+                Place::Offset(at),
                 format!("record of kind {kind:#04X}, which there is none of; expected 01 to 0F"),
-                at,
-                batch,
             );
         }
         let is_needed = !matches!(kind, Kind::Other | Kind::Unknown(_) | Kind::Footer);
@@ -182,7 +161,10 @@ impl Mcap {
                 taken
             }
             None if length > self.largest_record() => {
-                unreadable(format!("record of {length} bytes is too long and passed over"), at, batch);
+                batch.push_unreadable(
+                    Place::Offset(at),
+                    format!("record of {length} bytes is too long and passed over"),
+                );
                 self.skip = length;
                 Step::Took(HEAD)
             }
@@ -217,7 +199,10 @@ impl Mcap {
         }
         self.state = State::Over;
         if !rest.starts_with(MAGIC) {
-            unreadable("behind the footer: expected the magic at the file's end".into(), at, batch);
+            batch.push_unreadable(
+                Place::Offset(at),
+                "behind the footer: expected the magic at the file's end".into(),
+            );
         }
         Step::Took(rest.len())
     }
@@ -229,7 +214,7 @@ impl Mcap {
             Kind::Chunk => {
                 let chunk = record::chunk(contents);
                 if chunk.is_none() && is_whole {
-                    unreadable("chunk: too short".into(), at, batch);
+                    batch.push_unreadable(Place::Offset(at), "chunk: too short".into());
                 }
                 if chunk.is_some_and(|chunk| !self.chunk(&chunk, at, is_whole, batch)) {
                     return Step::Wait;
@@ -280,10 +265,9 @@ impl Mcap {
                 batch.notice(Notice::Assumption(text.into()));
             }
             State::Finished => {
-                unreadable(
+                batch.push_unreadable(
+                    Place::Offset(self.offset),
                     "behind the footer: expected the magic at the file's end".into(),
-                    self.offset,
-                    batch,
                 );
             }
         }
@@ -294,12 +278,15 @@ impl Mcap {
 /// Says what is wrong with a chunk.
 fn tell(chunk: &record::Chunk<'_>, unpacked: &Unpacked<'_>, at: u64, is_whole: bool, batch: &mut Batch) {
     if let Some(failure) = &unpacked.failure {
-        unreadable(format!("chunk: {failure}"), at, batch);
+        batch.push_unreadable(Place::Offset(at), format!("chunk: {failure}"));
     } else if is_whole && (chunk.packed.len() as u64) < chunk.packed_size {
         let (there, said) = (chunk.packed.len(), chunk.packed_size);
-        unreadable(format!("chunk: {there} bytes, expected {said}"), at, batch);
+        batch.push_unreadable(Place::Offset(at), format!("chunk: {there} bytes, expected {said}"));
     } else if is_whole && !checksum_fits(&unpacked.records, chunk.checksum) {
-        unreadable("chunk: its checksum is another, so its frames may be wrong".into(), at, batch);
+        batch.push_unreadable(
+            Place::Offset(at),
+            "chunk: its checksum is another, so its frames may be wrong".into(),
+        );
     }
 }
 
@@ -315,10 +302,6 @@ fn checksum_fits(_records: &[u8], _checksum: u32) -> bool {
 
 fn cut_off(reason: String, at: u64, batch: &mut Batch) {
     batch.notice(Notice::CutOff { place: Place::Offset(at), reason });
-}
-
-fn unreadable(reason: String, at: u64, batch: &mut Batch) {
-    batch.notice(Notice::Unreadable { place: Place::Offset(at), reason });
 }
 
 impl Parser for Mcap {

@@ -3,10 +3,10 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use super::key::{self, LIBRARY};
 use super::layout::Layout;
 use super::message::{self, Encoding};
 use super::record::{self, HEAD, Kind};
-use super::{LIBRARY, key, unreadable};
 use crate::capture::remark::Remark;
 use crate::capture::{Batch, BusNames, MAX_BUS_NAME, MAX_BUSES, Notice, Place};
 use crate::frame::{BusIndex, Frame, FrameFlags, Timestamp};
@@ -95,7 +95,10 @@ impl Records {
                 Kind::Statistics => "statistics",
                 _ => "message",
             };
-            unreadable(format!("{what}: too short, or a length in it is too large"), at, batch);
+            batch.push_unreadable(
+                Place::Offset(at),
+                format!("{what}: too short, or a length in it is too large"),
+            );
         }
     }
 
@@ -111,7 +114,10 @@ impl Records {
             });
             let Some((kind, contents, end)) = head else {
                 let left = rest.len();
-                unreadable(format!("chunk: {left} bytes at its end are no whole record"), at, batch);
+                batch.push_unreadable(
+                    Place::Offset(at),
+                    format!("chunk: {left} bytes at its end are no whole record"),
+                );
                 *done = records.len();
                 return true;
             };
@@ -125,10 +131,9 @@ impl Records {
     fn compare(&self, count: u64, at: u64, batch: &mut Batch) {
         let found = self.messages;
         if count > found {
-            unreadable(
+            batch.push_unreadable(
+                Place::Offset(at),
                 format!("the recording counts {count} messages, of which {found} were found"),
-                at,
-                batch,
             );
         }
     }
@@ -177,14 +182,17 @@ impl Records {
                 let found = message::read(&source.layout, source.encoding, message.data);
                 match found {
                     Ok(found) => self.frame(message, &found, at, batch),
-                    Err(reason) => unreadable(reason.into(), at, batch),
+                    Err(reason) => batch.push_unreadable(Place::Offset(at), reason.into()),
                 }
             }
             Some(Channel::Notices) => self.notice(message, at, batch),
             Some(Channel::Other) => self.others += 1,
             None => {
                 let number = message.channel;
-                unreadable(format!("message of channel {number}, which was not described"), at, batch);
+                batch.push_unreadable(
+                    Place::Offset(at),
+                    format!("message of channel {number}, which was not described"),
+                );
             }
         }
     }
@@ -209,7 +217,7 @@ impl Records {
         let is_fixed = !source.name.is_empty();
         let bus = known.or_else(|| self.buses.index_of(if name.is_empty() { b"can" } else { name }));
         let Some(bus) = bus else {
-            return unreadable(format!("more than {MAX_BUSES} buses"), at, batch);
+            return batch.push_unreadable(Place::Offset(at), format!("more than {MAX_BUSES} buses"));
         };
         if known.is_none()
             && is_fixed

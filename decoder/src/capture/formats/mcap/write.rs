@@ -8,7 +8,7 @@ use mcap::write::{Metadata, NoSeek};
 use mcap::{Attachment, Compression, McapError, McapResult};
 use serde_json::json;
 
-use super::{LIBRARY, key};
+use super::key::{self, LIBRARY};
 use crate::capture::remark::Remark;
 use crate::capture::{FrameWriter, Notice, Packing};
 use crate::frame::{CanId, Frame, FrameFlags, Timestamp};

@@ -7,6 +7,9 @@
 
 use crate::capture::byte_order::ByteOrder::Little;
 
+/// Title of the format.
+pub(super) const TITLE: &str = "ASAM MDF";
+
 /// Bytes before the links.
 const HEADER: usize = 24;
 

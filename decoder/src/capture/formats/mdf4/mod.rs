@@ -22,15 +22,13 @@ mod stream;
 
 use std::sync::Arc;
 
-use block::is_cut_off;
+use block::{TITLE, is_cut_off};
 use frame::Found;
 use recording::{Recording, UNFINISHED};
 use source::Source;
 
 use crate::capture::{Batch, BusNames, CaptureError, Format, MAX_BUSES, Notice, Parser, Place};
 use crate::frame::{Frame, Timestamp};
-
-const TITLE: &str = "ASAM MDF";
 
 const FINISHED: &[u8] = b"MDF     ";
 

@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use super::block::Block;
+use super::block::{Block, TITLE};
 use super::group::{DataGroup, Frames, Group, Reading, Size};
 use super::records::{Known, Last, Records, Values};
 use super::source::{Parts, Source};
 use super::stream::{Damage, Segment, Stream, segments};
-use super::{CaptureError, TITLE};
+use crate::capture::CaptureError;
 use crate::capture::byte_order::ByteOrder::Little;
 
 /// Bytes of the identification, behind which the header stands.

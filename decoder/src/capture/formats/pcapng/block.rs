@@ -18,6 +18,8 @@ use crate::capture::byte_order::ByteOrder;
 pub(super) const START: usize = 8;
 /// Length without body.
 const SHORTEST: usize = 12;
+/// Option of any block: a comment.
+pub(super) const COMMENT: u16 = 1;
 const TLS_SECRETS_BLOCK: u32 = 0x0A;
 const MAGIC: u32 = 0x1A2B_3C4D;
 

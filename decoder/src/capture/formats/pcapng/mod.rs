@@ -44,9 +44,6 @@ pub(super) const WRITABLE: WritableFormat = WritableFormat {
     writer: |output, _| Box::new(write::PcapngWriter::new(output)),
 };
 
-/// Option of any block: a comment.
-const COMMENT: u16 = 1;
-
 /// Longer blocks are taken for damage: skipping them would lose the rest of the capture.
 const LARGEST_BLOCK: u64 = 64 * 1024 * 1024;
 
@@ -180,7 +177,7 @@ impl PcapNg {
                 Found::Block(block) if self.section.is_plausible(&block) => {
                     self.garbage = None;
                     let (place, reason) = garbage.told(at.saturating_add(position as u64));
-                    unreadable(reason, place, batch);
+                    batch.push_unreadable(place, reason);
                 }
                 Found::More => {}
                 _ => continue,
@@ -223,10 +220,6 @@ impl Garbage {
         let bytes = if count == 1 { "byte" } else { "bytes" };
         (Place::Offset(self.start), format!("{why}: {count} {bytes} passed over"))
     }
-}
-
-fn unreadable(reason: String, place: Place, batch: &mut Batch) {
-    batch.notice(Notice::Unreadable { place, reason });
 }
 
 impl Parser for PcapNg {

@@ -8,9 +8,9 @@
 //! statistics        0 interface (4)  4 time (8)  12 options
 //! ```
 
+use super::block::COMMENT;
 use super::block::{Block, Kind, START};
 use super::interface::{Interface, Options};
-use super::{COMMENT, unreadable};
 use crate::capture::byte_order::ByteOrder;
 use crate::capture::link::{Head, Output, common};
 use crate::capture::remark::Remark;
@@ -163,11 +163,11 @@ impl Section {
         let fields =
             (number, order.u32(body, 4), order.u32(body, 8), order.u32(body, 12), order.u32(body, 16));
         let (Some(number), Some(high), Some(low), Some(captured), Some(_)) = fields else {
-            unreadable("packet block: too short".into(), place, batch);
+            batch.push_unreadable(place, "packet block: too short".into());
             return;
         };
         let Some(interface) = self.interfaces.get_mut(number as usize) else {
-            unreadable(format!("packet of interface {number}, which was not described"), place, batch);
+            batch.push_unreadable(place, format!("packet of interface {number}, which was not described"));
             return;
         };
         if !interface.channel.may_hold_can() {
@@ -177,7 +177,7 @@ impl Section {
         let data = body.get(DATA..).unwrap_or_default();
         let Some(packet) = data.get(..captured as usize) else {
             let reason = format!("packet block: found {} of {captured} captured bytes", data.len());
-            unreadable(reason, place, batch);
+            batch.push_unreadable(place, reason);
             return;
         };
         let mut flags = FrameFlags::default();
@@ -197,11 +197,11 @@ impl Section {
 
     fn simple_packet(&mut self, block: &Block<'_>, place: Place, batch: &mut Batch) {
         let Some(interface) = self.interfaces.first_mut() else {
-            unreadable("packet of interface 0, which was not described".into(), place, batch);
+            batch.push_unreadable(place, "packet of interface 0, which was not described".into());
             return;
         };
         let Some(on_the_wire) = block.order.u32(block.body, 0) else {
-            unreadable("packet block: too short".into(), place, batch);
+            batch.push_unreadable(place, "packet block: too short".into());
             return;
         };
         let longest = if interface.longest == 0 { u32::MAX } else { interface.longest };

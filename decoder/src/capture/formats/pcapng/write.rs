@@ -9,7 +9,7 @@
 
 use std::io::{self, Write};
 
-use super::COMMENT;
+use super::block::COMMENT;
 use crate::ascii::push_part;
 use crate::capture::Notice;
 use crate::capture::remark::Remark;

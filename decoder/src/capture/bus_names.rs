@@ -1,0 +1,35 @@
+//! Names of the buses of one capture.
+
+use crate::frame::BusIndex;
+
+/// How many buses one capture may name; frames of further ones are unreadable.
+pub const MAX_BUSES: usize = 64;
+
+/// Bytes of a bus name that are kept.
+pub const MAX_BUS_NAME: usize = 32;
+
+/// Names of the buses of one capture, in order of appearance.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct BusNames(Vec<String>);
+
+impl BusNames {
+    /// Names in order of their index.
+    pub fn names(&self) -> &[String] {
+        &self.0
+    }
+
+    /// Index of `name`, added if new; `None` when [`MAX_BUSES`] are known.
+    /// Names longer than [`MAX_BUS_NAME`] bytes are cut; bytes that are no UTF-8 are replaced.
+    pub fn index_of(&mut self, name: &[u8]) -> Option<BusIndex> {
+        let name = String::from_utf8_lossy(name.get(..MAX_BUS_NAME).unwrap_or(name));
+        let index = match self.0.iter().position(|known| *known == name) {
+            Some(index) => index,
+            None if self.0.len() < MAX_BUSES => {
+                self.0.push(name.into_owned());
+                self.0.len() - 1
+            }
+            None => return None,
+        };
+        u8::try_from(index).ok().map(BusIndex)
+    }
+}
