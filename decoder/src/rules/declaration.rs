@@ -129,39 +129,6 @@ pub fn manual(explanation: &str) -> String {
     lines.join("\n").trim().to_owned()
 }
 
-/// Declares a rule: its doc comment is its explanation.
-macro_rules! declare_rule {
-    ($(#[doc = $doc:literal])+ $name:literal, $severity:ident, $title:literal,
-     kinds: [$($kind:literal),+ $(,)?] $(, $field:ident: $value:expr)* $(,)?) => {
-        /// What the rule says of itself.
-        const DECLARATION: $crate::rules::Declaration = $crate::rules::Declaration {
-            name: $name,
-            severity: $crate::finding::Severity::$severity,
-            title: $title,
-            explanation: concat!($($doc, "\n"),+),
-            kinds: &[$($kind),+],
-            $($field: $value,)*
-            ..$crate::rules::Declaration::PLAIN
-        };
-
-        /// Its line of the registry.
-        pub(in crate::rules::general) const ENTRY: $crate::rules::Entry =
-            $crate::rules::Entry { declaration: &DECLARATION, make: |setup| Box::new(new(setup)) };
-    };
-}
-
-pub(super) use declare_rule;
-
-/// A tolerance: key, default, unit, what it limits.
-pub(super) const fn tolerance(
-    key: &'static str,
-    default: f64,
-    unit: &'static str,
-    text: &'static str,
-) -> Tolerance {
-    Tolerance { key, default, unit, text }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

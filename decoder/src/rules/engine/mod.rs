@@ -99,7 +99,7 @@ impl Engine {
         let explaining = KindSet::by_name(|name| causes().explaining().iter().any(|by| by == name));
         let limiting = KindSet::by_name(|name| LIMITING.contains(&name));
         Self {
-            ledger: Ledger::new(Arc::clone(&setup)),
+            ledger: Ledger::new(&setup.policy),
             setup,
             buses: Vec::new(),
             quality: Quality::default(),
@@ -235,7 +235,7 @@ impl BusJudge {
         for (place, entry) in REGISTRY.iter().enumerate() {
             let is_on = ledger.rules.get(place).is_some_and(|rule| rule.is_on);
             if let (true, Ok(rule)) = (is_on, u16::try_from(place)) {
-                judge.add(rule, (entry.make)(setup), |interests, place| {
+                judge.add(rule, (entry.make)(&setup.policy), |interests, place| {
                     interests.declared(entry.declaration.kinds, place);
                 });
             }

@@ -1,8 +1,8 @@
 //! `bounds`: a signal stays between two values.
 
-use super::Task;
-use super::compile::{Asked, Limits};
+use super::plan::{Asked, Limits};
 use super::signal::{SignalName, Values};
+use super::task::Task;
 use super::words::number;
 use crate::event::Event;
 use crate::finding::About;

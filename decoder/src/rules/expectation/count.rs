@@ -1,8 +1,8 @@
 //! `count`: so many events come over the whole capture.
 
-use super::Task;
-use super::compile::{Asked, Limits};
+use super::plan::{Asked, Limits};
 use super::subjects::Subjects;
+use super::task::Task;
 use super::words::nth;
 use crate::event::{Event, FrameRange};
 use crate::rules::Context;

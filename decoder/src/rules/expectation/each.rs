@@ -1,7 +1,7 @@
 //! `always` and `never`: each event is judged by itself.
 
-use super::Task;
-use super::compile::Asked;
+use super::plan::Asked;
+use super::task::Task;
 use crate::event::Event;
 use crate::rules::Context;
 

@@ -8,7 +8,6 @@
 //! the names it rests on nobody ever used.
 
 mod bounds;
-mod compile;
 mod count;
 mod deadline;
 mod each;
@@ -17,23 +16,31 @@ mod moment;
 mod named;
 mod nearest;
 mod order;
+mod plan;
 mod quoted;
 mod rate;
 mod signal;
 mod subjects;
+mod task;
 mod window;
 mod within;
 mod words;
 
 use std::sync::Arc;
 
-use self::compile::Plan;
 use self::named::Named;
+use self::plan::Plan;
+use self::task::Task;
 use super::{Context, Rule};
+use crate::bus_file;
 use crate::event::{Event, EventKind};
-use crate::finding::RuleInfo;
+use crate::finding::{RuleInfo, RuleOrigin};
+use crate::profile::TextError;
 use crate::query::KindSet;
 use crate::wire::NodeId;
+
+/// KIND of lines of all expectations.
+const WORD: &str = "EXPECT";
 
 /// One expectation, ready to be judged.
 #[derive(Debug, Clone)]
@@ -47,6 +54,22 @@ pub struct Expectation {
 }
 
 impl Expectation {
+    /// Takes what the bus file `text` says.
+    ///
+    /// # Errors
+    /// An expression that cannot be understood, or that no event can match; with its place in `text`.
+    pub(in crate::rules) fn compile(written: &bus_file::Expectation, text: &str) -> Result<Self, TextError> {
+        let plan = Plan::of(&written.demand, text)?;
+        Ok(Self {
+            info: info(written, &plan),
+            bus: written.bus.clone(),
+            node: written.node,
+            is_per_node: written.is_per_node,
+            kinds: plan.kinds(),
+            plan: Arc::new(plan),
+        })
+    }
+
     /// What output says of it.
     pub fn info(&self) -> &RuleInfo {
         &self.info
@@ -92,22 +115,24 @@ impl Expectation {
     }
 }
 
-/// What judges one kind of expectation.
-trait Task {
-    /// An event of its kinds and its node.
-    fn event(&mut self, event: &Event, context: &mut Context<'_>);
-
-    /// All traffic stopped for a while, or the clock was set: what was between two events is not known.
-    fn interrupt(&mut self, _context: &mut Context<'_>) {}
-
-    /// A time it asked for has passed.
-    fn wake(&mut self, _token: u64, _context: &mut Context<'_>) {}
-
-    /// Nothing more comes. Where a name is not `known`, what did not come says nothing.
-    fn finish(&mut self, _known: bool, _context: &mut Context<'_>) {}
-
-    /// Why it had nothing to judge, where all names are known.
-    fn idle(&self) -> String;
+fn info(written: &bus_file::Expectation, plan: &Plan) -> RuleInfo {
+    let title = plan.to_string();
+    let reason = &written.reason;
+    let explanation =
+        format!("# What it checks\n{title}\n\n# Why it matters\n{reason}\n\n# Source\nthe bus file\n");
+    RuleInfo {
+        name: written.id.text.as_str().into(),
+        severity: written.severity,
+        title: title.into(),
+        explanation: explanation.into(),
+        cases: Vec::new(),
+        shows: Vec::new(),
+        origin: RuleOrigin::Expectation,
+        is_timing: plan.is_timing(),
+        is_on: true,
+        word: WORD,
+        source: Some(Arc::clone(reason)),
+    }
 }
 
 /// A task and the node it is about.

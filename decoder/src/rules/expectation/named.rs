@@ -1,7 +1,7 @@
 //! Names an expectation rests on: signals and nodes that nobody ever used are most likely slips.
 
-use super::compile::Plan;
 use super::nearest::Nearest;
+use super::plan::Plan;
 use super::signal::{Messages, SignalName};
 use crate::event::Event;
 use crate::query::Filter;

@@ -1,10 +1,10 @@
 //! `order`: events come step by step.
 
-use super::Task;
-use super::compile::Asked;
 use super::deadline::Deadline;
 use super::moment::Moment;
+use super::plan::Asked;
 use super::subjects::Subjects;
+use super::task::Task;
 use super::words::time;
 use crate::event::{Event, FrameRange};
 use crate::rules::Context;

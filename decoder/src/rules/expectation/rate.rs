@@ -1,8 +1,8 @@
 //! `rate`: a signal changes no faster than a limit.
 
-use super::Task;
-use super::compile::Asked;
+use super::plan::Asked;
 use super::signal::{SignalName, Values};
+use super::task::Task;
 use super::words::{number, time};
 use crate::event::{Event, EventKind};
 use crate::finding::About;

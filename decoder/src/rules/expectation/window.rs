@@ -1,11 +1,11 @@
 //! `count` with `per_seconds`: so many events come in each window. The first event opens one; they follow each other
 //! until one stays empty, and then the next event opens one again.
 
-use super::Task;
-use super::compile::{Asked, Limits};
 use super::deadline::Deadline;
 use super::moment::Moment;
+use super::plan::{Asked, Limits};
 use super::subjects::Subjects;
+use super::task::Task;
 use super::words::{nth, time};
 use crate::event::Event;
 use crate::rules::Context;

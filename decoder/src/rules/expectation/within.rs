@@ -2,11 +2,11 @@
 
 use std::collections::VecDeque;
 
-use super::Task;
-use super::compile::Asked;
 use super::deadline::Deadline;
 use super::moment::Moment;
+use super::plan::Asked;
 use super::subjects::Subjects;
+use super::task::Task;
 use super::words::time;
 use crate::event::Event;
 use crate::rules::Context;

@@ -3,7 +3,7 @@
 use crate::event::{Outcome, Pdo, SdoTransfer};
 use crate::finding::About;
 use crate::frame::CanId;
-use crate::profile::little_endian;
+use crate::profile::{PdoName, little_endian};
 use crate::session::{Node, OriginKind};
 use crate::wire::canopen::ObjectAddress;
 
@@ -45,6 +45,30 @@ pub(super) fn identifier(cob_id: u64) -> Option<CanId> {
     Some(if cob_id & EXTENDED != 0 { CanId::extended(cob_id as u32) } else { CanId::standard(cob_id as u16) })
 }
 
+/// Whether CiA 301 keeps an identifier for others.
+fn is_restricted(id: CanId) -> bool {
+    let CanId::Standard(id) = id else { return false };
+    matches!(id, 0x001..=0x07F | 0x101..=0x180 | 0x581..=0x5FF | 0x601..=0x67F | 0x6E0..=0x6FF | 0x701..=0x7FF)
+}
+
+/// Whether an identifier is written that CiA 301 keeps for others.
+pub(super) fn is_restricted_write(object: ObjectAddress, number: u64) -> bool {
+    let holds_id = match (object.index, object.sub) {
+        (0x1005 | 0x1012 | 0x1014, 0) | (0x1280..=0x12FF, 1 | 2) => true,
+        (index, 1) => PdoName::of_parameter(index).is_some_and(|name| name.communication_index() == index),
+        _ => false,
+    };
+    holds_id && identifier(number & !of_use(object.index)).is_some_and(is_restricted)
+}
+
+/// Bits of a COB-ID that do not say whether it is valid.
+const fn of_use(index: u16) -> u64 {
+    match index {
+        0x1005 | 0x1012 => 3 << 30,
+        _ => 1 << 30,
+    }
+}
+
 /// Bytes a PDO has by its mapping, where that is sure; not of remote frames.
 #[inline]
 pub(super) fn mapped_bytes(pdo: &Pdo) -> Option<u16> {
@@ -69,5 +93,15 @@ mod tests {
         assert_eq!(identifier(0x8000_0185), None);
         assert_eq!(identifier(0x4000_0080), Some(CanId::standard(0x80)));
         assert_eq!(identifier(0x2123_4567), Some(CanId::extended(0x0123_4567)));
+    }
+
+    #[test]
+    fn identifiers_that_the_standard_keeps_for_others() {
+        for (id, expected) in
+            [(0x80, false), (0x180, true), (0x181, false), (0x6DF, false), (0x6E0, true), (0x0, false)]
+        {
+            assert_eq!(is_restricted(CanId::standard(id)), expected, "{id:03X}");
+        }
+        assert!(!is_restricted(CanId::extended(0x601)));
     }
 }

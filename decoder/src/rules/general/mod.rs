@@ -13,7 +13,7 @@ mod sdo;
 mod sync;
 mod uds;
 
-use super::Entry;
+use super::{Declaration, Entry};
 
 /// All of them, in the order they are asked: those that explain others before those.
 pub static REGISTRY: &[Entry] = &[
@@ -95,3 +95,8 @@ pub static REGISTRY: &[Entry] = &[
     bus::lss_sequence::ENTRY,
     bus::time_not_monotonic::ENTRY,
 ];
+
+/// What all general rules say of themselves, in the order they are asked.
+pub fn declarations() -> impl Iterator<Item = &'static Declaration> {
+    REGISTRY.iter().map(|entry| entry.declaration)
+}

@@ -21,7 +21,7 @@ impl Ledger {
         let Some(rule) = self.rules.get(usize::from(claim.key.rule)) else {
             return (Severity::Note, None, None);
         };
-        let configured = self.setup.severity(&rule.name);
+        let configured = self.policy.severity(&rule.name);
         let mut severity = configured.unwrap_or(claim.severity.unwrap_or(rule.severity));
         let mut reason = None;
         let explained = opens.then(|| self.explanation(rule, claim)).flatten();

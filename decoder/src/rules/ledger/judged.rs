@@ -34,7 +34,7 @@ impl Ledger {
                 cases.entry(Arc::clone(case)).or_default().add(*tally);
             }
         }
-        let suppressions = self.setup.uses(&self.groups);
+        let suppressions = self.policy.uses(&self.groups);
         let conformance = self.run.into_verdicts(is_timed, &self.rules);
         Findings {
             rules: self.rules,

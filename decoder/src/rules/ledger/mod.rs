@@ -11,9 +11,8 @@ use std::sync::Arc;
 use foldhash::fast::FixedState;
 
 use self::causes::{Effect, Explained};
-use self::taken::Taken;
 use super::conformance::{Run, Standing};
-use super::engine::setup::Setup;
+use super::policy::Policy;
 use crate::event::{FindingNews, FrameRange};
 use crate::finding::{
     Cause, GROUP_LIMIT, Group, KEPT_OCCURRENCES, Key, Occurrence, RuleInfo, Severity, Tally,
@@ -78,10 +77,19 @@ pub(super) enum What {
 /// A rule at a node of a bus, or anywhere on it.
 type Place = (u16, BusIndex, Option<NodeId>);
 
+/// Which findings rules of devices take in.
+#[derive(Debug, Default)]
+struct Taken {
+    /// By the name of a rule, those that take it in.
+    by_effect: HashMap<Arc<str>, Vec<u16>, FixedState>,
+    /// By a rule, the names of those it takes in.
+    by_rule: HashMap<u16, Vec<Arc<str>>, FixedState>,
+}
+
 /// Groups, tallies, news.
 #[derive(Debug)]
 pub(super) struct Ledger {
-    pub(super) setup: Arc<Setup>,
+    policy: Arc<Policy>,
     pub(super) rules: Vec<RuleInfo>,
     tallies: Vec<Tally>,
     cases: BTreeMap<Arc<str>, Tally>,
@@ -105,12 +113,12 @@ pub(super) struct Ledger {
 }
 
 impl Ledger {
-    pub(super) fn new(setup: Arc<Setup>) -> Self {
-        let rules = setup.rules().to_vec();
+    pub(super) fn new(policy: &Arc<Policy>) -> Self {
+        let rules = policy.rules.clone();
         Self {
             tallies: vec![Tally::default(); rules.len()],
             rules,
-            setup,
+            policy: Arc::clone(policy),
             cases: BTreeMap::new(),
             groups: Vec::new(),
             courses: Vec::new(),
@@ -220,7 +228,7 @@ impl Ledger {
             suppressed: None,
             is_open: false,
         };
-        group.suppressed = self.setup.suppression(&group);
+        group.suppressed = self.policy.suppression(&group);
         self.groups.push(group);
         self.courses.push(Course { worst: f64::NEG_INFINITY, word: claim.word, ..Course::default() });
         self.by_key.insert(claim.key.clone(), place);

@@ -1,9 +1,6 @@
 //! Rules of devices: they become known while a capture is judged, and take in findings that have the same cause.
 
-use std::collections::HashMap;
 use std::sync::Arc;
-
-use foldhash::fast::FixedState;
 
 use super::{Claim, Ledger};
 use crate::finding::{About, Cause, Group, Key, RuleInfo, RuleOrigin, Tally};
@@ -15,15 +12,6 @@ const DEVICE_RULE_LIMIT: usize = 4096;
 /// what was wrong at its start.
 const WINDOW: i64 = 60_000_000_000;
 
-/// Which findings rules of devices take in.
-#[derive(Debug, Default)]
-pub(super) struct Taken {
-    /// By the name of a rule, those that take it in.
-    by_effect: HashMap<Arc<str>, Vec<u16>, FixedState>,
-    /// By a rule, the names of those it takes in.
-    by_rule: HashMap<u16, Vec<Arc<str>>, FixedState>,
-}
-
 impl Ledger {
     /// The place of a rule of a device, known from now on; `None` where it is switched off, or finds no room.
     pub(in crate::rules) fn add_rule(&mut self, mut info: RuleInfo, takes_in: Vec<Arc<str>>) -> Option<u16> {
@@ -33,8 +21,8 @@ impl Ledger {
         }
         let own = self.rules.iter().filter(|rule| rule.origin == RuleOrigin::Device).count();
         let place = u16::try_from(self.rules.len()).ok().filter(|_| own < DEVICE_RULE_LIMIT)?;
-        info.is_on = !self.setup.is_off(&info.name);
-        info.severity = self.setup.severity(&info.name).unwrap_or(info.severity);
+        info.is_on = !self.policy.is_off(&info.name);
+        info.severity = self.policy.severity(&info.name).unwrap_or(info.severity);
         let is_on = info.is_on;
         self.rules.push(info);
         self.tallies.push(Tally::default());

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use crate::event::{Event, EventKind, FrameRange};
 use crate::finding::{About, Severity};
-use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, Rule, Second, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, Policy, Rule, Second};
 use crate::wire::error_frame::ErrorFrame;
 
 declare_rule! {
@@ -62,8 +62,8 @@ struct BusHealth {
     off: Arc<str>,
 }
 
-fn new(setup: &Setup) -> BusHealth {
-    let of = |key| setup.tolerance(&DECLARATION, key);
+fn new(policy: &Policy) -> BusHealth {
+    let of = |key| policy.tolerance(&DECLARATION, key);
     BusHealth {
         share: of("errors-percent"),
         in_second: of("errors-per-second"),

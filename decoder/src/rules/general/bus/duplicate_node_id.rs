@@ -1,9 +1,9 @@
 //! Two devices have one node-ID.
 
 use crate::event::{BootCause, Event, EventKind, FrameRange};
-use crate::rules::declaration::{declare_rule, tolerance};
 use crate::rules::general::facts::sure;
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 
@@ -51,9 +51,9 @@ struct DuplicateNodeId {
     watches: NodeMap<Watch>,
 }
 
-fn new(setup: &Setup) -> DuplicateNodeId {
+fn new(policy: &Policy) -> DuplicateNodeId {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
-    let changes = setup.tolerance(&DECLARATION, "changes") as u32;
+    let changes = policy.tolerance(&DECLARATION, "changes") as u32;
     DuplicateNodeId { changes: changes.max(2), watches: NodeMap::default() }
 }
 

@@ -4,9 +4,9 @@ use crate::event::{Event, EventKind, Pdo};
 use crate::finding::{About, Severity};
 use crate::profile::{PdoDirection, PdoName};
 use crate::rules::context::traffic::PdoSlot;
-use crate::rules::declaration::{declare_rule, tolerance};
 use crate::rules::general::facts::{identifier, sure};
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, Policy, Rule};
 use crate::wire::NodeId;
 
 declare_rule! {
@@ -55,10 +55,10 @@ struct DuplicateProducer {
     turns: Vec<Turns>,
 }
 
-fn new(setup: &Setup) -> DuplicateProducer {
+fn new(policy: &Policy) -> DuplicateProducer {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
-    let periods = setup.tolerance(&DECLARATION, "periods") as u32;
-    let longest = setup.nanoseconds(&DECLARATION, "longest-ms");
+    let periods = policy.tolerance(&DECLARATION, "periods") as u32;
+    let longest = policy.nanoseconds(&DECLARATION, "longest-ms");
     DuplicateProducer { periods: periods.max(1), longest, turns: Vec::new() }
 }
 

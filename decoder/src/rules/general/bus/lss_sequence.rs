@@ -5,8 +5,8 @@ use std::sync::Arc;
 use crate::event::{Event, EventKind};
 use crate::finding::About;
 use crate::profile::lss;
-use crate::rules::declaration::declare_rule;
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, Policy, Rule};
 use crate::wire::canopen::lss::Content;
 
 declare_rule! {
@@ -40,7 +40,7 @@ struct LssSequence {
     next: Option<u8>,
 }
 
-fn new(_setup: &Setup) -> LssSequence {
+fn new(_policy: &Policy) -> LssSequence {
     LssSequence::default()
 }
 

@@ -2,9 +2,9 @@
 
 use crate::event::{Event, EventKind};
 use crate::finding::About;
-use crate::rules::declaration::declare_rule;
 use crate::rules::general::j1939::transport_violation::is_transport;
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -29,7 +29,7 @@ declare_rule! {
 
 struct MalformedMessage;
 
-fn new(_setup: &Setup) -> MalformedMessage {
+fn new(_policy: &Policy) -> MalformedMessage {
     MalformedMessage
 }
 

@@ -1,8 +1,8 @@
 //! TIME runs backwards.
 
 use crate::event::{Event, EventKind};
-use crate::rules::declaration::declare_rule;
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -30,7 +30,7 @@ struct TimeNotMonotonic {
     last: Option<i64>,
 }
 
-fn new(_setup: &Setup) -> TimeNotMonotonic {
+fn new(_policy: &Policy) -> TimeNotMonotonic {
     TimeNotMonotonic::default()
 }
 

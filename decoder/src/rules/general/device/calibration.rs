@@ -3,8 +3,8 @@
 use crate::event::{Event, EventKind, FrameRange, ProcedureEvent};
 use crate::finding::{About, Severity};
 use crate::profile::device::ProcedureStatus;
-use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, Policy, Rule};
 use crate::wire::NodeId;
 
 declare_rule! {
@@ -51,8 +51,8 @@ struct Calibration {
     begun: u64,
 }
 
-fn new(setup: &Setup) -> Calibration {
-    Calibration { times: setup.tolerance(&DECLARATION, "times"), running: Vec::new(), begun: 0 }
+fn new(policy: &Policy) -> Calibration {
+    Calibration { times: policy.tolerance(&DECLARATION, "times"), running: Vec::new(), begun: 0 }
 }
 
 impl Calibration {

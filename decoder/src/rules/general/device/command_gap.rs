@@ -7,8 +7,8 @@ use foldhash::fast::FixedState;
 use crate::event::{Event, EventKind, FrameRange, J1939Message, MessageGap, Outcome, Pdo, SdoTransfer};
 use crate::finding::{About, Severity};
 use crate::frame::CanId;
-use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{BySlot, Context, NodeMap, PdoSlot, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{BySlot, Context, NodeMap, PdoSlot, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 use crate::wire::canopen::nmt::NmtService;
@@ -76,11 +76,11 @@ struct CommandGap {
     all_busy: Option<i64>,
 }
 
-fn new(setup: &Setup) -> CommandGap {
+fn new(policy: &Policy) -> CommandGap {
     CommandGap {
-        warning: setup.tolerance(&DECLARATION, "warning-percent") / 100.0,
-        times: setup.tolerance(&DECLARATION, "median-times"),
-        least: setup.nanoseconds(&DECLARATION, "least-ms"),
+        warning: policy.tolerance(&DECLARATION, "warning-percent") / 100.0,
+        times: policy.tolerance(&DECLARATION, "median-times"),
+        least: policy.nanoseconds(&DECLARATION, "least-ms"),
         streams: BySlot::default(),
         awaited: HashMap::default(),
         busy: NodeMap::default(),

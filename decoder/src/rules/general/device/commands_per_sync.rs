@@ -4,8 +4,8 @@ use crate::event::{Event, EventKind, FrameRange, Pdo};
 use crate::finding::{About, Severity};
 use crate::profile::PdoName;
 use crate::profile::device::PdoEffect;
-use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{BySlot, Context, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{BySlot, Context, Policy, Rule};
 use crate::session::{Bus, Node};
 use crate::wire::NodeId;
 
@@ -58,10 +58,10 @@ struct CommandsPerSync {
     may_wait: bool,
 }
 
-fn new(setup: &Setup) -> CommandsPerSync {
+fn new(policy: &Policy) -> CommandsPerSync {
     CommandsPerSync {
-        note: setup.tolerance(&DECLARATION, "note-count"),
-        warning: setup.tolerance(&DECLARATION, "warning-count"),
+        note: policy.tolerance(&DECLARATION, "note-count"),
+        warning: policy.tolerance(&DECLARATION, "warning-count"),
         commands: BySlot::default(),
         waiting: Vec::new(),
         last: None,

@@ -3,8 +3,8 @@
 use super::machines::{about, edges_out, machine};
 use crate::event::{DeviceState, EmcyAction, Event, EventKind, Pdo};
 use crate::profile::SignalId;
-use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -61,10 +61,10 @@ struct FaultResetWithoutEdge {
     count: usize,
 }
 
-fn new(setup: &Setup) -> FaultResetWithoutEdge {
+fn new(policy: &Policy) -> FaultResetWithoutEdge {
     FaultResetWithoutEdge {
-        messages: setup.tolerance(&DECLARATION, "messages"),
-        time: setup.nanoseconds(&DECLARATION, "time-ms"),
+        messages: policy.tolerance(&DECLARATION, "messages"),
+        time: policy.nanoseconds(&DECLARATION, "time-ms"),
         faults: NodeMap::default(),
         count: 0,
     }

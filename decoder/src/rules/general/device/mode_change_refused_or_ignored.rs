@@ -3,8 +3,8 @@
 use crate::event::{Direction, Event, EventKind, Outcome, SdoTransfer};
 use crate::finding::{About, Severity};
 use crate::profile::{Effect, Role, abort_codes};
-use crate::rules::declaration::declare_rule;
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, Policy, Rule};
 use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
@@ -30,7 +30,7 @@ declare_rule! {
 
 struct ModeChange;
 
-fn new(_setup: &Setup) -> ModeChange {
+fn new(_policy: &Policy) -> ModeChange {
     ModeChange
 }
 

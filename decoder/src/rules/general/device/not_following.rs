@@ -5,8 +5,8 @@ use std::sync::Arc;
 use crate::event::{Effective, Event, EventKind, FrameRange, ModeChange, Pdo, SetPoint};
 use crate::finding::About;
 use crate::profile::{Carrier, Cut, Layout, Meaning, integer};
-use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{BySlot, Context, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{BySlot, Context, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -87,11 +87,11 @@ struct NotFollowing {
     open_loop: Vec<(NodeId, Option<u8>)>,
 }
 
-fn new(setup: &Setup) -> NotFollowing {
+fn new(policy: &Policy) -> NotFollowing {
     NotFollowing {
-        share: setup.tolerance(&DECLARATION, "percent") / 100.0,
-        valve: setup.nanoseconds(&DECLARATION, "valve-ms"),
-        pump: setup.nanoseconds(&DECLARATION, "pump-ms"),
+        share: policy.tolerance(&DECLARATION, "percent") / 100.0,
+        valve: policy.nanoseconds(&DECLARATION, "valve-ms"),
+        pump: policy.nanoseconds(&DECLARATION, "pump-ms"),
         pairs: Vec::new(),
         paired: BySlot::default(),
         generation: 0,

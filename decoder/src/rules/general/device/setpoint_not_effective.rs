@@ -3,8 +3,8 @@
 use crate::event::{Certainty, Effective, Event, EventKind, FrameRange, SetPoint};
 use crate::finding::{About, Severity};
 use crate::profile::Carrier;
-use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, Policy, Rule};
 use crate::session::{GateState, GateStatus, Node};
 use crate::wire::NodeId;
 use crate::wire::canopen::{NmtState, ObjectAddress};
@@ -58,8 +58,8 @@ struct SetpointNotEffective {
     points: Vec<Point>,
 }
 
-fn new(setup: &Setup) -> SetpointNotEffective {
-    SetpointNotEffective { time: setup.nanoseconds(&DECLARATION, "time-ms"), points: Vec::new() }
+fn new(policy: &Policy) -> SetpointNotEffective {
+    SetpointNotEffective { time: policy.nanoseconds(&DECLARATION, "time-ms"), points: Vec::new() }
 }
 
 impl SetpointNotEffective {

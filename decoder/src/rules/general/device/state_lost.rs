@@ -3,8 +3,8 @@
 use super::machines::{about, machine, stays};
 use crate::event::{BootCause, DeviceCause, DeviceState, Direction, Event, EventKind, SdoTransfer};
 use crate::finding::Severity;
-use crate::rules::declaration::declare_rule;
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::canopen::nmt::NmtService;
 
@@ -40,7 +40,7 @@ struct StateLost {
     all_commanded: Option<i64>,
 }
 
-fn new(_setup: &Setup) -> StateLost {
+fn new(_policy: &Policy) -> StateLost {
     StateLost::default()
 }
 

@@ -2,9 +2,9 @@
 
 use crate::event::{Direction, EmcyAction, Event, EventKind};
 use crate::finding::About;
-use crate::rules::declaration::declare_rule;
 use crate::rules::general::facts::number;
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
@@ -36,7 +36,7 @@ struct EmcyHistory {
     last: NodeMap<(u16, u64)>,
 }
 
-fn new(_setup: &Setup) -> EmcyHistory {
+fn new(_policy: &Policy) -> EmcyHistory {
     EmcyHistory::default()
 }
 

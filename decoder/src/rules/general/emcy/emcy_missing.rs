@@ -2,9 +2,9 @@
 
 use crate::event::{Event, EventKind, FrameRange, Pdo};
 use crate::finding::About;
-use crate::rules::declaration::{declare_rule, tolerance};
 use crate::rules::general::facts::mapped_bytes;
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 
@@ -46,8 +46,8 @@ struct EmcyMissing {
     watches: NodeMap<Watch>,
 }
 
-fn new(setup: &Setup) -> EmcyMissing {
-    EmcyMissing { limit: setup.nanoseconds(&DECLARATION, "error-ms"), watches: NodeMap::default() }
+fn new(policy: &Policy) -> EmcyMissing {
+    EmcyMissing { limit: policy.nanoseconds(&DECLARATION, "error-ms"), watches: NodeMap::default() }
 }
 
 impl EmcyMissing {

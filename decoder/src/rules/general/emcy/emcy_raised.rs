@@ -3,8 +3,8 @@
 use crate::event::{EmcyAction, Event, EventKind};
 use crate::finding::About;
 use crate::query::record;
-use crate::rules::declaration::declare_rule;
-use crate::rules::{Context, NodeSet, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, NodeSet, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 
@@ -37,7 +37,7 @@ struct EmcyRaised {
     open: Vec<(NodeId, u16)>,
 }
 
-fn new(_setup: &Setup) -> EmcyRaised {
+fn new(_policy: &Policy) -> EmcyRaised {
     EmcyRaised::default()
 }
 

@@ -2,9 +2,9 @@
 
 use crate::event::{Direction, Emergency, Event, EventKind};
 use crate::finding::{About, Severity};
-use crate::rules::declaration::{declare_rule, tolerance};
 use crate::rules::general::facts::number;
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -40,9 +40,9 @@ struct EmcyRegister {
     last: NodeMap<Option<(u8, u64)>>,
 }
 
-fn new(setup: &Setup) -> EmcyRegister {
+fn new(policy: &Policy) -> EmcyRegister {
     EmcyRegister {
-        wants_generic: setup.tolerance(&DECLARATION, "generic-bit") > 0.0,
+        wants_generic: policy.tolerance(&DECLARATION, "generic-bit") > 0.0,
         last: NodeMap::default(),
     }
 }

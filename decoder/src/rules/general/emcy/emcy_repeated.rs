@@ -2,8 +2,8 @@
 
 use crate::event::{EmcyAction, Event, EventKind};
 use crate::finding::About;
-use crate::rules::declaration::declare_rule;
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, NodeMap, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -33,7 +33,7 @@ struct EmcyRepeated {
     active: NodeMap<Vec<(u16, [u8; 5], u64)>>,
 }
 
-fn new(_setup: &Setup) -> EmcyRepeated {
+fn new(_policy: &Policy) -> EmcyRepeated {
     EmcyRepeated::default()
 }
 

@@ -2,9 +2,9 @@
 
 use crate::event::{EmcyAction, Emergency, Event, EventKind, FrameRange};
 use crate::finding::{About, Severity};
-use crate::rules::declaration::{declare_rule, tolerance};
 use crate::rules::general::facts::sure_of;
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::session::Node;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
@@ -61,8 +61,8 @@ struct GuardLate {
     nodes: NodeMap<Guarded>,
 }
 
-fn new(setup: &Setup) -> GuardLate {
-    let share = |key| setup.tolerance(&DECLARATION, key) / 100.0;
+fn new(policy: &Policy) -> GuardLate {
+    let share = |key| policy.tolerance(&DECLARATION, key) / 100.0;
     GuardLate { warning: share("warning-percent"), error: share("error-percent"), nodes: NodeMap::default() }
 }
 

@@ -1,8 +1,8 @@
 //! Guarding requests without an answer.
 
 use crate::event::{Event, EventKind, FrameRange};
-use crate::rules::declaration::declare_rule;
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::canopen::nmt::NmtService;
 
@@ -49,7 +49,7 @@ struct GuardNoAnswer {
     nodes: NodeMap<Guarded>,
 }
 
-fn new(_setup: &Setup) -> GuardNoAnswer {
+fn new(_policy: &Policy) -> GuardNoAnswer {
     GuardNoAnswer::default()
 }
 

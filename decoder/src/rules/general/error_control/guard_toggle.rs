@@ -1,8 +1,8 @@
 //! Toggle bits of guarding.
 
 use crate::event::{Event, EventKind};
-use crate::rules::declaration::declare_rule;
-use crate::rules::{Context, NodeSet, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, NodeSet, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -38,7 +38,7 @@ struct GuardToggle {
     between: NodeSet,
 }
 
-fn new(_setup: &Setup) -> GuardToggle {
+fn new(_policy: &Policy) -> GuardToggle {
     GuardToggle::default()
 }
 

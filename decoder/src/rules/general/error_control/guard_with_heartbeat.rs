@@ -1,9 +1,9 @@
 //! A node answers guarding although its heartbeat is on.
 
 use crate::event::{Event, EventKind};
-use crate::rules::declaration::declare_rule;
 use crate::rules::general::facts::sure;
-use crate::rules::{Context, NodeSet, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, NodeSet, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -32,7 +32,7 @@ struct GuardWithHeartbeat {
     asked: NodeSet,
 }
 
-fn new(_setup: &Setup) -> GuardWithHeartbeat {
+fn new(_policy: &Policy) -> GuardWithHeartbeat {
     GuardWithHeartbeat::default()
 }
 

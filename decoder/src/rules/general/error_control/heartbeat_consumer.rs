@@ -2,9 +2,9 @@
 
 use crate::event::{Event, EventKind, Outcome, SdoTransfer};
 use crate::finding::About;
-use crate::rules::declaration::declare_rule;
 use crate::rules::general::facts::sure;
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::session::Node;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
@@ -56,7 +56,7 @@ struct HeartbeatConsumer {
     beats: NodeMap<i64>,
 }
 
-fn new(_setup: &Setup) -> HeartbeatConsumer {
+fn new(_policy: &Policy) -> HeartbeatConsumer {
     HeartbeatConsumer::default()
 }
 

@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use crate::event::{Event, EventKind, SdoTransfer};
 use crate::finding::About;
-use crate::rules::declaration::{declare_rule, tolerance};
 use crate::rules::general::facts::sure;
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::wire::NodeId;
 
 declare_rule! {
@@ -53,9 +53,9 @@ struct HeartbeatPeriod {
     watches: NodeMap<Watch>,
 }
 
-fn new(setup: &Setup) -> HeartbeatPeriod {
+fn new(policy: &Policy) -> HeartbeatPeriod {
     HeartbeatPeriod {
-        share: setup.tolerance(&DECLARATION, "warning-percent") / 100.0,
+        share: policy.tolerance(&DECLARATION, "warning-percent") / 100.0,
         watches: NodeMap::default(),
     }
 }

@@ -2,8 +2,8 @@
 
 use crate::event::{Event, EventKind, FrameRange, Silence};
 use crate::finding::{About, Severity};
-use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, NodeSet, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, NodeMap, NodeSet, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::canopen::{NmtState, ObjectAddress};
 
@@ -43,8 +43,8 @@ struct NodeLost {
     lost: NodeSet,
 }
 
-fn new(setup: &Setup) -> NodeLost {
-    let share = |key| setup.tolerance(&DECLARATION, key) / 100.0;
+fn new(policy: &Policy) -> NodeLost {
+    let share = |key| policy.tolerance(&DECLARATION, key) / 100.0;
     NodeLost {
         warning: share("warning-percent"),
         error: share("error-percent"),

@@ -2,8 +2,8 @@
 
 use crate::event::{AddressClaim, ClaimAction, Event, EventKind};
 use crate::finding::{About, Severity};
-use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::j1939::Name;
 
@@ -57,8 +57,8 @@ struct AddressContention {
     left: Vec<Left>,
 }
 
-fn new(setup: &Setup) -> AddressContention {
-    AddressContention { grace: setup.nanoseconds(&DECLARATION, "grace-ms"), left: Vec::new() }
+fn new(policy: &Policy) -> AddressContention {
+    AddressContention { grace: policy.nanoseconds(&DECLARATION, "grace-ms"), left: Vec::new() }
 }
 
 impl AddressContention {

@@ -2,8 +2,8 @@
 
 use crate::event::{ClaimAction, Event, EventKind};
 use crate::finding::About;
-use crate::rules::declaration::declare_rule;
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -36,7 +36,7 @@ struct CannotClaim {
 /// NAMEs remembered.
 const NAME_LIMIT: usize = 256;
 
-fn new(_setup: &Setup) -> CannotClaim {
+fn new(_policy: &Policy) -> CannotClaim {
     CannotClaim::default()
 }
 

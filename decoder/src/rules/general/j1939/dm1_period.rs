@@ -2,8 +2,8 @@
 
 use crate::event::{DtcAction, Event, EventKind, FrameRange};
 use crate::finding::{About, Severity};
-use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::j1939::Pgn;
 
@@ -54,8 +54,8 @@ struct Dm1Period {
     nodes: NodeMap<Seen>,
 }
 
-fn new(setup: &Setup) -> Dm1Period {
-    let share = |key| setup.tolerance(&DECLARATION, key) / 100.0;
+fn new(policy: &Policy) -> Dm1Period {
+    let share = |key| policy.tolerance(&DECLARATION, key) / 100.0;
     Dm1Period { late: share("late-percent"), fast: share("fast-percent"), nodes: NodeMap::default() }
 }
 

@@ -3,8 +3,8 @@
 use crate::event::{AddressClaim, ClaimAction, Event, EventKind, FrameRange};
 use crate::finding::About;
 use crate::frame::CanId;
-use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::canopen::lss::Content;
 use crate::wire::j1939::Pgn;
@@ -69,8 +69,8 @@ struct IdentityMove {
     first: NodeMap<(i64, u64)>,
 }
 
-fn new(setup: &Setup) -> IdentityMove {
-    let time = |key| setup.nanoseconds(&DECLARATION, key);
+fn new(policy: &Policy) -> IdentityMove {
+    let time = |key| policy.nanoseconds(&DECLARATION, key);
     IdentityMove {
         store: time("store-ms"),
         settled: time("settled-ms"),

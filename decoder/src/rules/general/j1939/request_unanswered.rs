@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 
 use crate::event::{Event, EventKind, FrameRange, J1939Request};
 use crate::finding::About;
-use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::j1939::{ALL, NO_ADDRESS, Pgn};
 
@@ -54,8 +54,8 @@ struct RequestUnanswered {
     count: u64,
 }
 
-fn new(setup: &Setup) -> RequestUnanswered {
-    let answer = setup.nanoseconds(&DECLARATION, "answer-ms");
+fn new(policy: &Policy) -> RequestUnanswered {
+    let answer = policy.nanoseconds(&DECLARATION, "answer-ms");
     RequestUnanswered { answer, open: VecDeque::new(), count: 0 }
 }
 

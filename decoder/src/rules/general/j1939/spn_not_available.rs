@@ -5,8 +5,8 @@ use std::sync::Arc;
 use crate::event::{Event, EventKind, J1939Message};
 use crate::finding::{About, Severity};
 use crate::profile::{Field, Value};
-use crate::rules::declaration::declare_rule;
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, Policy, Rule};
 use crate::wire::NodeId;
 
 declare_rule! {
@@ -42,7 +42,7 @@ struct SpnNotAvailable {
     bad: Vec<Bad>,
 }
 
-fn new(_setup: &Setup) -> SpnNotAvailable {
+fn new(_policy: &Policy) -> SpnNotAvailable {
     SpnNotAvailable::default()
 }
 

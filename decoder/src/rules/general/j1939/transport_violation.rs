@@ -6,8 +6,8 @@ use crate::event::{
 };
 use crate::finding::{About, Severity};
 use crate::profile;
-use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, Policy, Rule};
 use crate::wire::j1939::Pgn;
 
 declare_rule! {
@@ -55,8 +55,8 @@ struct TransportViolation {
     began: i64,
 }
 
-fn new(setup: &Setup) -> TransportViolation {
-    let time = |key| setup.nanoseconds(&DECLARATION, key);
+fn new(policy: &Policy) -> TransportViolation {
+    let time = |key| policy.nanoseconds(&DECLARATION, key);
     TransportViolation {
         note: time("broadcast-note-ms"),
         least: time("broadcast-least-ms"),

@@ -6,8 +6,8 @@ use crate::event::{Dtc, DtcAction, Event, EventKind};
 use crate::finding::About;
 use crate::profile;
 use crate::query::record;
-use crate::rules::declaration::declare_rule;
-use crate::rules::{Context, NodeSet, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, NodeSet, Policy, Rule};
 use crate::wire::j1939::Pgn;
 
 declare_rule! {
@@ -37,7 +37,7 @@ struct TroubleCode {
     seen: NodeSet,
 }
 
-fn new(_setup: &Setup) -> TroubleCode {
+fn new(_policy: &Policy) -> TroubleCode {
     TroubleCode::default()
 }
 

@@ -3,8 +3,8 @@
 use crate::event::{Event, EventKind, FrameRange};
 use crate::finding::Severity;
 use crate::profile::device::Boot;
-use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, NodeSet, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, NodeMap, NodeSet, Policy, Rule};
 use crate::session::Node;
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
@@ -43,9 +43,9 @@ struct BootUpMissing {
     booted: NodeSet,
 }
 
-fn new(setup: &Setup) -> BootUpMissing {
+fn new(policy: &Policy) -> BootUpMissing {
     BootUpMissing {
-        limit: setup.nanoseconds(&DECLARATION, "error-ms"),
+        limit: policy.nanoseconds(&DECLARATION, "error-ms"),
         waiting: NodeMap::default(),
         booted: NodeSet::default(),
     }

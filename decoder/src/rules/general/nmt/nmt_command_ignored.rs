@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use crate::event::{Event, EventKind, FrameRange, StateCause};
 use crate::finding::About;
-use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::session::Node;
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
@@ -49,8 +49,8 @@ struct NmtCommandIgnored {
     commands: NodeMap<Option<Command>>,
 }
 
-fn new(setup: &Setup) -> NmtCommandIgnored {
-    NmtCommandIgnored { limit: setup.nanoseconds(&DECLARATION, "error-ms"), commands: NodeMap::default() }
+fn new(policy: &Policy) -> NmtCommandIgnored {
+    NmtCommandIgnored { limit: policy.nanoseconds(&DECLARATION, "error-ms"), commands: NodeMap::default() }
 }
 
 impl NmtCommandIgnored {

@@ -1,8 +1,8 @@
 //! NMT commands that are none.
 
 use crate::event::{Event, EventKind};
-use crate::rules::declaration::declare_rule;
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, Policy, Rule};
 use crate::wire::canopen::nmt::NmtService;
 
 declare_rule! {
@@ -27,7 +27,7 @@ declare_rule! {
 
 struct NmtCommandInvalid;
 
-fn new(_setup: &Setup) -> NmtCommandInvalid {
+fn new(_policy: &Policy) -> NmtCommandInvalid {
     NmtCommandInvalid
 }
 

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use crate::event::{Certainty, Event, EventKind, Outcome};
 use crate::finding::{About, Severity};
 use crate::profile::device::NmtName;
-use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, Policy, Rule};
 use crate::wire::canopen::NmtState;
 
 declare_rule! {
@@ -36,8 +36,8 @@ struct ServiceInStopped {
     command: i64,
 }
 
-fn new(setup: &Setup) -> ServiceInStopped {
-    ServiceInStopped { command: setup.nanoseconds(&DECLARATION, "command-ms") }
+fn new(policy: &Policy) -> ServiceInStopped {
+    ServiceInStopped { command: policy.nanoseconds(&DECLARATION, "command-ms") }
 }
 
 impl ServiceInStopped {

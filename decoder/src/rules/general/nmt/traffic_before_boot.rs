@@ -2,8 +2,8 @@
 
 use crate::event::{Event, EventKind, FrameRange};
 use crate::profile::device::Boot;
-use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, NodeSet, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, NodeMap, NodeSet, Policy, Rule};
 use crate::session::Node;
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
@@ -36,9 +36,9 @@ struct TrafficBeforeBoot {
     starting: NodeSet,
 }
 
-fn new(setup: &Setup) -> TrafficBeforeBoot {
+fn new(policy: &Policy) -> TrafficBeforeBoot {
     TrafficBeforeBoot {
-        queued: setup.nanoseconds(&DECLARATION, "queued-ms"),
+        queued: policy.nanoseconds(&DECLARATION, "queued-ms"),
         resets: NodeMap::default(),
         starting: NodeSet::default(),
     }

@@ -2,8 +2,8 @@
 
 use crate::event::{BootCause, Event, EventKind};
 use crate::finding::Severity;
-use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, NodeSet, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, NodeSet, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -36,8 +36,8 @@ struct UnexpectedBoot {
     seen: NodeSet,
 }
 
-fn new(setup: &Setup) -> UnexpectedBoot {
-    let grace = setup.nanoseconds(&DECLARATION, "grace-ms");
+fn new(policy: &Policy) -> UnexpectedBoot {
+    let grace = policy.nanoseconds(&DECLARATION, "grace-ms");
     UnexpectedBoot { grace, began: None, seen: NodeSet::default() }
 }
 

@@ -2,10 +2,10 @@
 
 use crate::event::{Abort, Direction, Event, EventKind, Outcome, SdoTransfer};
 use crate::profile::object::Access;
-use crate::rules::declaration::declare_rule;
 use crate::rules::general::facts::about;
 use crate::rules::general::sdo::sdo_situation::{access, is_told, situations};
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -34,7 +34,7 @@ declare_rule! {
 
 struct AccessType;
 
-fn new(_setup: &Setup) -> AccessType {
+fn new(_policy: &Policy) -> AccessType {
     AccessType
 }
 

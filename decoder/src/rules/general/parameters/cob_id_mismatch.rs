@@ -3,9 +3,9 @@
 use crate::event::{Direction, Event, EventKind, SdoTransfer};
 use crate::finding::About;
 use crate::frame::CanId;
-use crate::rules::declaration::declare_rule;
 use crate::rules::general::facts::{about, identifier, number, sure};
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -39,7 +39,7 @@ struct CobIdMismatch {
     moved: NodeMap<u64>,
 }
 
-fn new(_setup: &Setup) -> CobIdMismatch {
+fn new(_policy: &Policy) -> CobIdMismatch {
     CobIdMismatch::default()
 }
 

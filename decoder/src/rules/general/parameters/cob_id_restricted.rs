@@ -1,11 +1,9 @@
 //! A service is put on an identifier that belongs to another one.
 
 use crate::event::{Direction, Event, EventKind, Outcome};
-use crate::frame::CanId;
-use crate::rules::declaration::declare_rule;
-use crate::rules::general::facts::{about, number};
-use crate::rules::general::sdo::sdo_situation::is_restricted_write;
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::general::facts::{about, is_restricted_write, number};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -31,15 +29,9 @@ declare_rule! {
     word: "COBID",
 }
 
-/// Whether CiA 301 keeps an identifier for others.
-pub(in crate::rules::general) fn is_restricted(id: CanId) -> bool {
-    let CanId::Standard(id) = id else { return false };
-    matches!(id, 0x001..=0x07F | 0x101..=0x180 | 0x581..=0x5FF | 0x601..=0x67F | 0x6E0..=0x6FF | 0x701..=0x7FF)
-}
-
 struct CobIdRestricted;
 
-fn new(_setup: &Setup) -> CobIdRestricted {
+fn new(_policy: &Policy) -> CobIdRestricted {
     CobIdRestricted
 }
 
@@ -64,20 +56,5 @@ impl Rule for CobIdRestricted {
         let verb = if transfer.direction == Some(Direction::Download) { "accepted" } else { "set" };
         let alarm = context.fail(event).about(about(transfer));
         alarm.say(|| format!("identifier {:03X} {verb}, which CiA 301 keeps for others", cob_id & 0x7FF));
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn ranges_of_the_standard() {
-        for (id, expected) in
-            [(0x80, false), (0x180, true), (0x181, false), (0x6DF, false), (0x6E0, true), (0x0, false)]
-        {
-            assert_eq!(is_restricted(CanId::standard(id)), expected, "{id:03X}");
-        }
-        assert!(!is_restricted(CanId::extended(0x601)));
     }
 }

@@ -3,8 +3,8 @@
 use crate::event::{BootCause, Event, EventKind, FrameRange, Outcome, SdoTransfer};
 use crate::finding::Severity;
 use crate::profile::Role;
-use crate::rules::declaration::declare_rule;
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::canopen::nmt::NmtService;
 use crate::wire::canopen::{NmtState, ObjectAddress};
@@ -55,7 +55,7 @@ struct ConfigLost {
     nodes: NodeMap<Settings>,
 }
 
-fn new(_setup: &Setup) -> ConfigLost {
+fn new(_policy: &Policy) -> ConfigLost {
     ConfigLost::default()
 }
 

@@ -7,8 +7,8 @@ use foldhash::fast::FixedState;
 use crate::event::{Direction, Event, EventKind, Outcome, SdoTransfer};
 use crate::finding::{About, Severity};
 use crate::profile::{Role, Storage};
-use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -53,10 +53,10 @@ struct EepromWear {
     writes: HashMap<(NodeId, ObjectAddress), VecDeque<i64>, FixedState>,
 }
 
-fn new(setup: &Setup) -> EepromWear {
+fn new(policy: &Policy) -> EepromWear {
     EepromWear {
-        in_a_minute: setup.tolerance(&DECLARATION, "minute-writes"),
-        in_an_hour: setup.tolerance(&DECLARATION, "hour-writes"),
+        in_a_minute: policy.tolerance(&DECLARATION, "minute-writes"),
+        in_an_hour: policy.tolerance(&DECLARATION, "hour-writes"),
         writes: HashMap::default(),
     }
 }

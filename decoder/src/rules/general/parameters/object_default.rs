@@ -4,10 +4,10 @@ use super::stored::{COMMUNICATION_END, OBJECT_LIMIT, Resets, boot, covers, read,
 use crate::event::{BootCause, Event, EventKind, SdoTransfer};
 use crate::profile::object::{Access, Given};
 use crate::profile::{DataType, Entry, Value, integer, word};
-use crate::rules::declaration::declare_rule;
 use crate::rules::general::facts::about;
 use crate::rules::general::sdo::sdo_situation::is_told;
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::session::Node;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
@@ -61,7 +61,7 @@ struct ObjectDefault {
     resets: Resets,
 }
 
-fn new(_setup: &Setup) -> ObjectDefault {
+fn new(_policy: &Policy) -> ObjectDefault {
     ObjectDefault::default()
 }
 

@@ -3,9 +3,9 @@
 use crate::event::{Abort, Direction, Event, EventKind, Outcome};
 use crate::finding::Severity;
 use crate::profile::{PdoDirection, PdoName, little_endian};
-use crate::rules::declaration::declare_rule;
 use crate::rules::general::facts::{INVALID, about, number, sure};
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, Policy, Rule};
 use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
 
@@ -36,7 +36,7 @@ declare_rule! {
 
 struct ParameterLocked;
 
-fn new(_setup: &Setup) -> ParameterLocked {
+fn new(_policy: &Policy) -> ParameterLocked {
     ParameterLocked
 }
 

@@ -2,9 +2,9 @@
 
 use crate::event::{Direction, Event, EventKind};
 use crate::profile::little_endian;
-use crate::rules::declaration::declare_rule;
 use crate::rules::general::facts::{about, number};
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, Policy, Rule};
 use crate::session::OriginKind;
 
 declare_rule! {
@@ -32,7 +32,7 @@ declare_rule! {
 
 struct ReadBack;
 
-fn new(_setup: &Setup) -> ReadBack {
+fn new(_policy: &Policy) -> ReadBack {
     ReadBack
 }
 

@@ -4,9 +4,9 @@ use super::stored::{COMMUNICATION_END, OBJECT_LIMIT, Resets, boot, covers, read,
 use crate::event::{BootCause, Event, EventKind, SdoTransfer};
 use crate::finding::Severity;
 use crate::profile::little_endian;
-use crate::rules::declaration::declare_rule;
 use crate::rules::general::facts::{about, sure};
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -14,7 +14,7 @@ declare_rule! {
     /// # What it checks
     /// A setting was written, saved (1010) and confirmed, and reads as something else after a restart. Or one that was
     /// written and not saved is still there, though the device says that it stores on command only (1010): a note.
-    /// Settings are communication objects, and those of which the device's profile says that a store command keeps
+    /// Policy are communication objects, and those of which the device's profile says that a store command keeps
     /// them. What was written again since, and what a restart did not concern, is not judged.
     ///
     /// # Why it matters
@@ -66,7 +66,7 @@ struct StoreNotEffective {
     resets: Resets,
 }
 
-fn new(_setup: &Setup) -> StoreNotEffective {
+fn new(_policy: &Policy) -> StoreNotEffective {
     StoreNotEffective::default()
 }
 

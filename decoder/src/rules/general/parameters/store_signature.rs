@@ -2,9 +2,9 @@
 
 use crate::event::{Abort, Direction, Event, EventKind, Outcome, SdoTransfer};
 use crate::profile::device::{DeviceRule, RuleKind};
-use crate::rules::declaration::declare_rule;
 use crate::rules::general::facts::{about, sure};
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, Policy, Rule};
 use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
 
@@ -44,7 +44,7 @@ const LAST: u8 = 3;
 
 struct StoreSignature;
 
-fn new(_setup: &Setup) -> StoreSignature {
+fn new(_policy: &Policy) -> StoreSignature {
     StoreSignature
 }
 

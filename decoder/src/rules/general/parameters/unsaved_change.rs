@@ -1,8 +1,8 @@
-//! Settings are changed and not stored.
+//! Policy are changed and not stored.
 
 use crate::event::{Direction, Event, EventKind, Outcome};
-use crate::rules::declaration::declare_rule;
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
@@ -40,7 +40,7 @@ struct UnsavedChange {
     written: NodeMap<Vec<(ObjectAddress, u64)>>,
 }
 
-fn new(_setup: &Setup) -> UnsavedChange {
+fn new(_policy: &Policy) -> UnsavedChange {
     UnsavedChange::default()
 }
 

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use crate::event::{Direction, Event, EventKind, Outcome, Pdo, SdoTransfer};
 use crate::finding::About;
 use crate::profile::{Cut, Field, Layout, Meaning, SignalId, Value};
-use crate::rules::declaration::declare_rule;
-use crate::rules::{BySlot, Context, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{BySlot, Context, Policy, Rule};
 use crate::session::Node;
 
 declare_rule! {
@@ -51,7 +51,7 @@ struct ValueOutOfRange {
     checked: BySlot<Checked>,
 }
 
-fn new(_setup: &Setup) -> ValueOutOfRange {
+fn new(_policy: &Policy) -> ValueOutOfRange {
     ValueOutOfRange::default()
 }
 

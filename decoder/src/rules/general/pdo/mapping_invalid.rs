@@ -3,9 +3,9 @@
 use crate::event::{Abort, Direction, Event, EventKind, Outcome, SdoTransfer};
 use crate::profile::device_file::Access;
 use crate::profile::{DataType, Device, PdoDirection, PdoName, little_endian};
-use crate::rules::declaration::declare_rule;
 use crate::rules::general::facts::{about, number, sure};
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, Policy, Rule};
 use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
 
@@ -43,7 +43,7 @@ const DUMMY_END: u16 = 0x20;
 
 struct MappingInvalid;
 
-fn new(_setup: &Setup) -> MappingInvalid {
+fn new(_policy: &Policy) -> MappingInvalid {
     MappingInvalid
 }
 

@@ -3,8 +3,8 @@
 use crate::event::{Direction, Event, EventKind, Outcome, SdoTransfer};
 use crate::finding::About;
 use crate::profile::PdoName;
-use crate::rules::declaration::declare_rule;
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::session::Node;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
@@ -52,7 +52,7 @@ struct MappingProcedure {
     nodes: NodeMap<Vec<Known>>,
 }
 
-fn new(_setup: &Setup) -> MappingProcedure {
+fn new(_policy: &Policy) -> MappingProcedure {
     MappingProcedure::default()
 }
 

@@ -3,8 +3,8 @@
 use super::pdo_parameter::PdoParameter;
 use crate::event::{Event, EventKind, Pdo};
 use crate::finding::About;
-use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{BySlot, Context, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{BySlot, Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -40,9 +40,9 @@ struct PdoEventTimer {
     seen: BySlot<u32>,
 }
 
-fn new(setup: &Setup) -> PdoEventTimer {
+fn new(policy: &Policy) -> PdoEventTimer {
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-    let percent = setup.tolerance(&DECLARATION, "warning-percent") as i64;
+    let percent = policy.tolerance(&DECLARATION, "warning-percent") as i64;
     PdoEventTimer { percent, timer: PdoParameter::new(5), seen: BySlot::default() }
 }
 

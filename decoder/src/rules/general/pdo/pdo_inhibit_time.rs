@@ -3,8 +3,8 @@
 use super::pdo_parameter::PdoParameter;
 use crate::event::{Event, EventKind, Pdo};
 use crate::finding::About;
-use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{BySlot, Context, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{BySlot, Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -45,9 +45,9 @@ struct PdoInhibitTime {
     short: BySlot<u8>,
 }
 
-fn new(setup: &Setup) -> PdoInhibitTime {
+fn new(policy: &Policy) -> PdoInhibitTime {
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-    let percent = setup.tolerance(&DECLARATION, "warning-percent") as i64;
+    let percent = policy.tolerance(&DECLARATION, "warning-percent") as i64;
     PdoInhibitTime {
         percent,
         inhibit: PdoParameter::new(3),

@@ -2,9 +2,9 @@
 
 use crate::event::{Event, EventKind};
 use crate::finding::About;
-use crate::rules::declaration::declare_rule;
 use crate::rules::general::facts::mapped_bytes;
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -28,7 +28,7 @@ declare_rule! {
 
 struct PdoLong;
 
-fn new(_setup: &Setup) -> PdoLong {
+fn new(_policy: &Policy) -> PdoLong {
     PdoLong
 }
 

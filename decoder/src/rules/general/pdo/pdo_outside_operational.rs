@@ -4,8 +4,8 @@ use crate::event::{Event, EventKind, FrameRange, Pdo};
 use crate::finding::{About, Severity};
 use crate::frame::CanId;
 use crate::profile::{PdoDirection, PdoName};
-use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, NodeSet, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, NodeMap, NodeSet, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 
@@ -68,10 +68,10 @@ struct PdoOutsideOperational {
     operational: NodeSet,
 }
 
-fn new(setup: &Setup) -> PdoOutsideOperational {
+fn new(policy: &Policy) -> PdoOutsideOperational {
     PdoOutsideOperational {
-        command: setup.nanoseconds(&DECLARATION, "command-ms"),
-        receive: setup.nanoseconds(&DECLARATION, "receive-ms"),
+        command: policy.nanoseconds(&DECLARATION, "command-ms"),
+        receive: policy.nanoseconds(&DECLARATION, "receive-ms"),
         watches: NodeMap::default(),
         silent: NodeSet::default(),
         operational: NodeSet::default(),

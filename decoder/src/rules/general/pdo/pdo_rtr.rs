@@ -4,9 +4,9 @@ use crate::event::{Event, EventKind, FrameRange, Pdo};
 use crate::finding::About;
 use crate::frame::CanId;
 use crate::profile::PdoDirection;
-use crate::rules::declaration::{declare_rule, tolerance};
 use crate::rules::general::facts::{PRODUCES, sure};
-use crate::rules::{BySlot, Context, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{BySlot, Context, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 
@@ -50,8 +50,8 @@ struct PdoRtr {
     open: BySlot<Option<Request>>,
 }
 
-fn new(setup: &Setup) -> PdoRtr {
-    PdoRtr { limit: setup.nanoseconds(&DECLARATION, "error-ms"), open: BySlot::default() }
+fn new(policy: &Policy) -> PdoRtr {
+    PdoRtr { limit: policy.nanoseconds(&DECLARATION, "error-ms"), open: BySlot::default() }
 }
 
 impl PdoRtr {

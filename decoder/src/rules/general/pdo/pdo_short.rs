@@ -3,9 +3,9 @@
 use crate::event::{Event, EventKind};
 use crate::finding::About;
 use crate::profile::PdoDirection;
-use crate::rules::declaration::declare_rule;
 use crate::rules::general::facts::mapped_bytes;
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -30,7 +30,7 @@ declare_rule! {
 
 struct PdoShort;
 
-fn new(_setup: &Setup) -> PdoShort {
+fn new(_policy: &Policy) -> PdoShort {
     PdoShort
 }
 

@@ -3,8 +3,8 @@
 use super::pdo_parameter::PdoParameter;
 use crate::event::{Event, EventKind};
 use crate::finding::About;
-use crate::rules::declaration::declare_rule;
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -33,7 +33,7 @@ struct PdoSyncAcyclic {
     kind: PdoParameter,
 }
 
-fn new(_setup: &Setup) -> PdoSyncAcyclic {
+fn new(_policy: &Policy) -> PdoSyncAcyclic {
     PdoSyncAcyclic { kind: PdoParameter::new(2) }
 }
 

@@ -4,9 +4,9 @@ use super::pdo_parameter::PdoParameter;
 use crate::event::{Event, EventKind, Pdo};
 use crate::finding::About;
 use crate::frame::CanId;
-use crate::rules::declaration::declare_rule;
 use crate::rules::general::facts::identifier;
-use crate::rules::{BySlot, Context, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{BySlot, Context, Policy, Rule};
 use crate::session::Bus;
 use crate::wire::canopen::ObjectAddress;
 
@@ -49,7 +49,7 @@ struct PdoSyncCyclic {
     watches: BySlot<Watch>,
 }
 
-fn new(_setup: &Setup) -> PdoSyncCyclic {
+fn new(_policy: &Policy) -> PdoSyncCyclic {
     PdoSyncCyclic { kind: PdoParameter::new(2), watches: BySlot::default() }
 }
 

@@ -6,9 +6,9 @@ use crate::event::{Event, EventKind, SdoTransfer};
 use crate::finding::Severity;
 use crate::profile::abort_codes;
 use crate::query::record;
-use crate::rules::declaration::declare_rule;
 use crate::rules::general::facts::about;
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
@@ -50,7 +50,7 @@ struct SdoAbortCode {
     unknown: NodeMap<u64>,
 }
 
-fn new(_setup: &Setup) -> SdoAbortCode {
+fn new(_policy: &Policy) -> SdoAbortCode {
     SdoAbortCode::default()
 }
 

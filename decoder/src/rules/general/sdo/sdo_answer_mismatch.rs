@@ -5,8 +5,8 @@ use std::collections::VecDeque;
 use crate::event::{Event, EventKind, Outcome, SdoTransfer};
 use crate::finding::About;
 use crate::frame::CanId;
-use crate::rules::declaration::declare_rule;
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -55,7 +55,7 @@ struct SdoAnswerMismatch {
     servers: NodeMap<Server>,
 }
 
-fn new(_setup: &Setup) -> SdoAnswerMismatch {
+fn new(_policy: &Policy) -> SdoAnswerMismatch {
     SdoAnswerMismatch::default()
 }
 

@@ -2,9 +2,9 @@
 
 use crate::event::{Crc, Event, EventKind, Outcome};
 use crate::finding::Severity;
-use crate::rules::declaration::declare_rule;
 use crate::rules::general::facts::about;
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -30,7 +30,7 @@ declare_rule! {
 
 struct SdoBlockCrc;
 
-fn new(_setup: &Setup) -> SdoBlockCrc {
+fn new(_policy: &Policy) -> SdoBlockCrc {
     SdoBlockCrc
 }
 

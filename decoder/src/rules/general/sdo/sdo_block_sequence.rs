@@ -1,9 +1,9 @@
 //! Sequence numbers and sizes of SDO blocks.
 
 use crate::event::{Event, EventKind, Mode, Outcome, SdoIrregularityKind};
-use crate::rules::declaration::declare_rule;
 use crate::rules::general::facts::about;
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -29,7 +29,7 @@ declare_rule! {
 
 struct SdoBlockSequence;
 
-fn new(_setup: &Setup) -> SdoBlockSequence {
+fn new(_policy: &Policy) -> SdoBlockSequence {
     SdoBlockSequence
 }
 

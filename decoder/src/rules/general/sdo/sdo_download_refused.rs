@@ -4,9 +4,9 @@ use crate::event::{Abort, Direction, Event, EventKind, Mode, Outcome, SdoTransfe
 use crate::finding::About;
 use crate::profile::abort_codes;
 use crate::query::record;
-use crate::rules::declaration::declare_rule;
 use crate::rules::general::facts::about;
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::wire::canopen::ObjectAddress;
 use crate::words::plural;
 
@@ -44,7 +44,7 @@ struct SdoDownloadRefused {
     refused: NodeMap<Vec<ObjectAddress>>,
 }
 
-fn new(_setup: &Setup) -> SdoDownloadRefused {
+fn new(_policy: &Policy) -> SdoDownloadRefused {
     SdoDownloadRefused::default()
 }
 

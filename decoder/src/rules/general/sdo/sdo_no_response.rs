@@ -2,9 +2,9 @@
 
 use crate::event::{Certainty, Event, EventKind, Mode, Outcome, SdoTransfer, StateChange};
 use crate::finding::Severity;
-use crate::rules::declaration::{declare_rule, tolerance};
 use crate::rules::general::facts::about;
-use crate::rules::{Context, NodeMap, NodeSet, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, NodeMap, NodeSet, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 
@@ -48,8 +48,8 @@ struct SdoNoResponse {
     left: NodeMap<u64>,
 }
 
-fn new(setup: &Setup) -> SdoNoResponse {
-    let time = |key| setup.nanoseconds(&DECLARATION, key);
+fn new(policy: &Policy) -> SdoNoResponse {
+    let time = |key| policy.nanoseconds(&DECLARATION, key);
     SdoNoResponse {
         warning: time("warning-ms"),
         error: time("error-ms"),

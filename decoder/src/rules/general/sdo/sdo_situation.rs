@@ -3,8 +3,7 @@
 use crate::event::{Crc, Direction, Mode, SdoIrregularityKind, SdoTransfer};
 use crate::profile::object::Access;
 use crate::profile::{DataType, Device, Object, PdoName, integer, little_endian, plain_device};
-use crate::rules::general::facts::{INVALID, identifier, sure};
-use crate::rules::general::parameters::cob_id_restricted::is_restricted;
+use crate::rules::general::facts::{INVALID, is_restricted_write, sure};
 use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
 
@@ -134,24 +133,6 @@ fn of_object(number: u64, data: &[u8], node: &Node, object: ObjectAddress) -> Op
         (0x1019, 0) => sure(node, 0x1006, 0).filter(|period| *period != 0).map(|_| "counter-overflow-locked"),
         (0x1600..=0x17FF | 0x1A00..=0x1BFF, sub) => of_mapping(node, object, sub, number),
         _ => None,
-    }
-}
-
-/// Whether an identifier is written that CiA 301 keeps for others.
-pub(in crate::rules::general) fn is_restricted_write(object: ObjectAddress, number: u64) -> bool {
-    let holds_id = match (object.index, object.sub) {
-        (0x1005 | 0x1012 | 0x1014, 0) | (0x1280..=0x12FF, 1 | 2) => true,
-        (index, 1) => PdoName::of_parameter(index).is_some_and(|name| name.communication_index() == index),
-        _ => false,
-    };
-    holds_id && identifier(number & !of_use(object.index)).is_some_and(is_restricted)
-}
-
-/// Bits of a COB-ID that do not say whether it is valid.
-const fn of_use(index: u16) -> u64 {
-    match index {
-        0x1005 | 0x1012 => 3 << 30,
-        _ => 1 << 30,
     }
 }
 

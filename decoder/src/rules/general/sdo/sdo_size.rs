@@ -4,9 +4,9 @@ use super::sdo_situation::is_told;
 use crate::event::{Direction, Event, EventKind, Mode, Outcome, SdoTransfer};
 use crate::finding::Severity;
 use crate::profile::DataType;
-use crate::rules::declaration::declare_rule;
 use crate::rules::general::facts::about;
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, Policy, Rule};
 use crate::session::TRANSFER_DATA_LIMIT;
 use crate::words::plural;
 
@@ -37,7 +37,7 @@ declare_rule! {
 
 struct SdoSize;
 
-fn new(_setup: &Setup) -> SdoSize {
+fn new(_policy: &Policy) -> SdoSize {
     SdoSize
 }
 

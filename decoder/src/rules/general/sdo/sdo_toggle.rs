@@ -1,9 +1,9 @@
 //! Toggle bits of SDO segments.
 
 use crate::event::{Event, EventKind, Mode, Outcome, SdoIrregularityKind};
-use crate::rules::declaration::declare_rule;
 use crate::rules::general::facts::about;
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -29,7 +29,7 @@ declare_rule! {
 
 struct SdoToggle;
 
-fn new(_setup: &Setup) -> SdoToggle {
+fn new(_policy: &Policy) -> SdoToggle {
     SdoToggle
 }
 

@@ -3,9 +3,9 @@
 use crate::event::{Abort, Direction, Event, EventKind, Outcome};
 use crate::profile::abort_codes;
 use crate::query::record;
-use crate::rules::declaration::{declare_rule, tolerance};
 use crate::rules::general::facts::about;
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, NodeMap, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -35,8 +35,8 @@ struct SdoUploadRefused {
     missing: NodeMap<f64>,
 }
 
-fn new(setup: &Setup) -> SdoUploadRefused {
-    SdoUploadRefused { most: setup.tolerance(&DECLARATION, "missing"), missing: NodeMap::default() }
+fn new(policy: &Policy) -> SdoUploadRefused {
+    SdoUploadRefused { most: policy.tolerance(&DECLARATION, "missing"), missing: NodeMap::default() }
 }
 
 /// Object does not exist, sub-index does not exist.

@@ -1,9 +1,9 @@
 //! The counter of SYNC.
 
 use crate::event::{Event, EventKind};
-use crate::rules::declaration::declare_rule;
 use crate::rules::general::facts::{PRODUCES, sure};
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, Policy, Rule};
 use crate::session::Bus;
 use crate::wire::NodeId;
 
@@ -32,7 +32,7 @@ declare_rule! {
 
 struct SyncCounter;
 
-fn new(_setup: &Setup) -> SyncCounter {
+fn new(_policy: &Policy) -> SyncCounter {
     SyncCounter
 }
 

@@ -2,9 +2,9 @@
 
 use crate::event::{Event, EventKind, FrameRange};
 use crate::finding::{About, Severity};
-use crate::rules::declaration::{declare_rule, tolerance};
 use crate::rules::general::facts::sure_of;
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, Policy, Rule};
 use crate::session::{Bus, Node};
 use crate::wire::canopen::ObjectAddress;
 
@@ -68,8 +68,8 @@ struct SyncPeriod {
     is_double: bool,
 }
 
-fn new(setup: &Setup) -> SyncPeriod {
-    let share = |key| setup.tolerance(&DECLARATION, key) / 100.0;
+fn new(policy: &Policy) -> SyncPeriod {
+    let share = |key| policy.tolerance(&DECLARATION, key) / 100.0;
     SyncPeriod {
         given_share: share("given-percent"),
         usual_share: share("usual-percent"),

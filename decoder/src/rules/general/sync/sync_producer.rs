@@ -1,9 +1,9 @@
 //! A device goes on to produce SYNC though it was told not to.
 
 use crate::event::{Event, EventKind, FrameRange, SdoTransfer};
-use crate::rules::declaration::declare_rule;
 use crate::rules::general::facts::{PRODUCES, number};
-use crate::rules::{Context, NodeMap, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -59,7 +59,7 @@ struct SyncProducer {
     is_in_case: bool,
 }
 
-fn new(_setup: &Setup) -> SyncProducer {
+fn new(_policy: &Policy) -> SyncProducer {
     SyncProducer::default()
 }
 

@@ -4,8 +4,8 @@ use crate::event::{
     Event, EventKind, Irregularity, IrregularityKind, IsoTpTransfer, MessageOutcome, Protocol,
 };
 use crate::finding::{About, Severity};
-use crate::rules::declaration::{declare_rule, tolerance};
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -37,8 +37,8 @@ struct IsotpViolation {
     began: i64,
 }
 
-fn new(setup: &Setup) -> IsotpViolation {
-    IsotpViolation { grace: setup.nanoseconds(&DECLARATION, "grace-ms"), began: 0 }
+fn new(policy: &Policy) -> IsotpViolation {
+    IsotpViolation { grace: policy.nanoseconds(&DECLARATION, "grace-ms"), began: 0 }
 }
 
 fn message(event: &Event, transfer: &IsoTpTransfer, context: &mut Context<'_>) {

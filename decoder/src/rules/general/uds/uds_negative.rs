@@ -7,8 +7,8 @@ use crate::event::{Event, EventKind, ExchangeOutcome, UdsExchange};
 use crate::finding::{About, Severity};
 use crate::profile::uds;
 use crate::query::record;
-use crate::rules::declaration::declare_rule;
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -43,7 +43,7 @@ const CHANGES: [u8; 10] = [0x11, 0x14, 0x2E, 0x2F, 0x31, 0x34, 0x36, 0x37, 0x38,
 
 struct UdsNegative;
 
-fn new(_setup: &Setup) -> UdsNegative {
+fn new(_policy: &Policy) -> UdsNegative {
     UdsNegative
 }
 

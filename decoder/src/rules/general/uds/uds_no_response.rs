@@ -4,8 +4,8 @@ use super::uds_negative::{service_name, subject};
 use crate::event::{Ends, Event, EventKind, ExchangeOutcome, UdsExchange};
 use crate::finding::{About, Severity};
 use crate::frame::CanId;
-use crate::rules::declaration::declare_rule;
-use crate::rules::{Context, Rule, Setup};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -53,7 +53,7 @@ impl Server {
     }
 }
 
-fn new(_setup: &Setup) -> UdsNoResponse {
+fn new(_policy: &Policy) -> UdsNoResponse {
     UdsNoResponse::default()
 }
 

@@ -1,22 +1,17 @@
-//! From what the bus file says to what can be judged.
+//! What is expected, from what the bus file says to what can be judged.
 
 use std::fmt;
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::Expectation;
 use super::quoted::place;
 use super::signal::{self, SignalName};
 use super::words::{clipped, number, time};
-use crate::bus_file::{self, Demand, Written};
+use crate::bus_file::{Demand, Written};
 use crate::event::Event;
-use crate::finding::{RuleInfo, RuleOrigin};
 use crate::profile::TextError;
 use crate::query::{Filter, KindSet};
 use crate::rules::Context;
-
-/// KIND of lines of all expectations.
-const WORD: &str = "EXPECT";
 
 /// Kinds of events no rule is asked about: they are what rules say.
 const NEWS: [&str; 2] = ["finding-opened", "finding-closed"];
@@ -67,26 +62,8 @@ impl fmt::Display for Asked {
     }
 }
 
-impl Expectation {
-    /// Takes what the bus file `text` says.
-    ///
-    /// # Errors
-    /// An expression that cannot be understood, or that no event can match; with its place in `text`.
-    pub(in crate::rules) fn compile(written: &bus_file::Expectation, text: &str) -> Result<Self, TextError> {
-        let plan = Plan::of(&written.demand, text)?;
-        Ok(Self {
-            info: info(written, &plan),
-            bus: written.bus.clone(),
-            node: written.node,
-            is_per_node: written.is_per_node,
-            kinds: plan.kinds(),
-            plan: Arc::new(plan),
-        })
-    }
-}
-
 impl Plan {
-    fn of(demand: &Demand, text: &str) -> Result<Self, TextError> {
+    pub(super) fn of(demand: &Demand, text: &str) -> Result<Self, TextError> {
         let ask = |written: &Written| asked(written, text);
         let valued = |written: &Option<Written>| written.as_ref().map(|when| valued(when, text)).transpose();
         Ok(match demand {
@@ -118,7 +95,7 @@ impl Plan {
     }
 
     /// Kinds of events that are looked at.
-    fn kinds(&self) -> KindSet {
+    pub(super) fn kinds(&self) -> KindSet {
         let of = |asked: &Asked| asked.filter.kinds();
         let interrupts = KindSet::by_name(|name| name == "bus-silent" || name == "clock-step");
         let values = KindSet::by_name(|name| signal::KINDS.contains(&name));
@@ -151,7 +128,7 @@ impl Plan {
     }
 
     /// Whether it judges times.
-    const fn is_timing(&self) -> bool {
+    pub(super) const fn is_timing(&self) -> bool {
         match self {
             Self::Within { .. }
             | Self::Every { .. }
@@ -208,26 +185,6 @@ fn range(f: &mut fmt::Formatter<'_>, min: Option<String>, max: Option<String>) -
         (Some(min), None) => write!(f, "at least {min}"),
         (None, Some(max)) => write!(f, "at most {max}"),
         (None, None) => Ok(()),
-    }
-}
-
-fn info(written: &bus_file::Expectation, plan: &Plan) -> RuleInfo {
-    let title = plan.to_string();
-    let reason = &written.reason;
-    let explanation =
-        format!("# What it checks\n{title}\n\n# Why it matters\n{reason}\n\n# Source\nthe bus file\n");
-    RuleInfo {
-        name: written.id.text.as_str().into(),
-        severity: written.severity,
-        title: title.into(),
-        explanation: explanation.into(),
-        cases: Vec::new(),
-        shows: Vec::new(),
-        origin: RuleOrigin::Expectation,
-        is_timing: plan.is_timing(),
-        is_on: true,
-        word: WORD,
-        source: Some(Arc::clone(reason)),
     }
 }
 

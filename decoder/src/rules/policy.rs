@@ -1,0 +1,119 @@
+//! How strictly is judged: what the bus file says of rules, and what of their findings does not count.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use super::declaration::Declaration;
+use crate::bus_file::Suppression;
+use crate::finding::{About, Group, RuleInfo, Severity, SuppressionUse};
+use crate::wire::NodeId;
+
+/// Rules, tolerances, suppressions.
+#[derive(Debug, Clone, Default)]
+pub struct Policy {
+    pub(super) rules: Vec<RuleInfo>,
+    pub(super) severities: HashMap<String, Severity>,
+    /// Rules of devices that are not to be judged.
+    pub(super) off: Vec<String>,
+    pub(super) tolerances: HashMap<(&'static str, &'static str), f64>,
+    pub(super) suppressions: Vec<Suppression>,
+    pub(super) today: Option<String>,
+}
+
+impl Policy {
+    /// A name with a colon is a device's rule, which is known once the device is.
+    pub(super) fn knows(&self, rule: &str) -> bool {
+        rule.contains(':') || self.rules.iter().any(|known| *known.name == *rule)
+    }
+
+    /// A tolerance of a rule: what the bus file says, else its default.
+    pub fn tolerance(&self, declaration: &Declaration, key: &'static str) -> f64 {
+        let given = self.tolerances.get(&(declaration.name, key)).copied();
+        let default = declaration.tolerances.iter().find(|tolerance| tolerance.key == key);
+        given.or(default.map(|tolerance| tolerance.default)).unwrap_or(f64::INFINITY)
+    }
+
+    /// A tolerance in milliseconds, as nanoseconds.
+    pub fn nanoseconds(&self, declaration: &Declaration, key: &'static str) -> i64 {
+        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+        let value = (self.tolerance(declaration, key) * 1e6) as i64;
+        value
+    }
+
+    /// The severity the bus file gives a rule.
+    pub(super) fn severity(&self, rule: &str) -> Option<Severity> {
+        self.severities.get(rule).copied()
+    }
+
+    /// Whether the bus file switches a device's rule off.
+    pub(super) fn is_off(&self, rule: &str) -> bool {
+        self.off.iter().any(|off| off == rule)
+    }
+
+    /// Why a group does not count.
+    pub(super) fn suppression(&self, group: &Group) -> Option<Arc<str>> {
+        let mut all = self.suppressions.iter().filter(|one| !self.is_over(one));
+        all.find(|one| covers(one, group)).map(|one| Arc::clone(&one.reason))
+    }
+
+    fn is_over(&self, suppression: &Suppression) -> bool {
+        // Dates as 2026-01-31 sort as text.
+        matches!((&suppression.until, &self.today), (Some(until), Some(today)) if until < today)
+    }
+
+    /// What each suppression came to.
+    pub(super) fn uses(&self, groups: &[Group]) -> Vec<SuppressionUse> {
+        let uses = self.suppressions.iter().map(|one| {
+            let is_over = self.is_over(one);
+            let met = if is_over { 0 } else { groups.iter().filter(|group| covers(one, group)).count() };
+            let ended = one.until.clone().filter(|_| is_over);
+            SuppressionUse { what: what(one), reason: Arc::clone(&one.reason), ended, met }
+        });
+        uses.collect()
+    }
+}
+
+/// `node-lost of can0 node 5 1018:01`.
+fn what(suppression: &Suppression) -> String {
+    let node = suppression.node.map(NodeId::words);
+    let parts = [suppression.bus.clone(), node, suppression.about.clone()];
+    let of: Vec<_> = parts.into_iter().flatten().collect();
+    let of = if of.is_empty() { String::new() } else { format!(" of {}", of.join(" ")) };
+    format!("{}{of}", suppression.rule)
+}
+
+fn covers(suppression: &Suppression, group: &Group) -> bool {
+    *suppression.rule == *group.rule
+        && suppression.bus.as_deref().is_none_or(|bus| *bus == *group.bus)
+        && suppression.node.is_none_or(|node| group.key.node == Some(node))
+        && suppression.about.as_deref().is_none_or(|about| is_about(&group.key.about, about))
+}
+
+/// Whether it is what a user writes so: objects in any of their notations, codes and identifiers with `0x` or without.
+fn is_about(about: &About, written: &str) -> bool {
+    let bare = written.strip_prefix("0x").unwrap_or(written);
+    match about {
+        About::Object(object) => written.parse() == Ok(*object),
+        About::Code(_) | About::Id(_) => about.to_string().eq_ignore_ascii_case(bare),
+        _ => about.to_string() == written,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wire::canopen::ObjectAddress;
+
+    #[test]
+    fn what_a_suppression_is_about_is_written_as_people_do() {
+        let object = About::Object(ObjectAddress::new(0x5208, 2));
+        for written in ["5208:02", "5208:2", "0x5208:02", "5208sub2"] {
+            assert!(is_about(&object, written), "{written}");
+        }
+        assert!(!is_about(&object, "5208"));
+        for written in ["FF10", "ff10", "0xFF10"] {
+            assert!(is_about(&About::Code(0xFF10), written), "{written}");
+        }
+        assert!(is_about(&About::Name("lamp".into()), "lamp") && !is_about(&About::Whole, "5208:02"));
+    }
+}
