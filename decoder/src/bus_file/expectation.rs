@@ -6,8 +6,7 @@ use std::sync::Arc;
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::judgement::{Number, node_id};
-use super::model::Wrong;
+use super::written::{NodeNumber, Written, Wrong, node_id};
 use crate::profile::device::Severity;
 use crate::wire::NodeId;
 
@@ -40,15 +39,6 @@ pub struct Expectation {
     pub severity: Severity,
     /// Why.
     pub reason: Arc<str>,
-}
-
-/// A text and its place in the file, quotes included.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Written {
-    /// What it says, escapes resolved.
-    pub text: String,
-    /// Where it stands.
-    pub span: Range<usize>,
 }
 
 /// What is expected; times in nanoseconds.
@@ -113,7 +103,7 @@ pub(super) struct Entry {
     #[serde(default)]
     bus: Option<String>,
     #[serde(default)]
-    node: Option<Spanned<Number>>,
+    node: Option<Spanned<NodeNumber>>,
     #[serde(default)]
     per: Option<Spanned<String>>,
     #[serde(default)]
@@ -143,12 +133,6 @@ pub(super) struct Entry {
 enum Amount {
     Seconds(f64),
     Text(String),
-}
-
-impl From<Spanned<String>> for Written {
-    fn from(text: Spanned<String>) -> Self {
-        Self { span: text.span(), text: text.into_inner() }
-    }
 }
 
 /// Takes all expectations, or tells the first thing wrong with them.

@@ -8,7 +8,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::expectation::{self, Expectation};
-use super::model::Wrong;
+use super::written::{NodeNumber, Wrong, node_id};
 use crate::profile::device::Severity;
 use crate::wire::NodeId;
 
@@ -73,19 +73,12 @@ pub(super) struct Suppress {
     #[serde(default)]
     bus: Option<String>,
     #[serde(default)]
-    node: Option<Spanned<Number>>,
+    node: Option<Spanned<NodeNumber>>,
     #[serde(default)]
     about: Option<String>,
     reason: Spanned<String>,
     #[serde(default)]
     until: Option<Spanned<Day>>,
-}
-
-#[derive(Deserialize)]
-#[serde(untagged, expecting = "a node-ID, or a J1939 address as \"sa:0x80\"")]
-pub(super) enum Number {
-    Integer(u8),
-    Text(String),
 }
 
 #[derive(Deserialize)]
@@ -163,15 +156,6 @@ impl Suppress {
             until,
         })
     }
-}
-
-/// The node that is meant.
-pub(super) fn node_id(number: &Spanned<Number>) -> Result<NodeId, Wrong> {
-    let parsed = match number.get_ref() {
-        Number::Integer(id) => id.to_string().parse(),
-        Number::Text(text) => text.parse(),
-    };
-    parsed.map_err(|message: &str| (number.span(), message.to_owned()))
 }
 
 fn date(day: &Spanned<Day>) -> Result<String, Wrong> {

@@ -6,8 +6,10 @@ use std::ops::Range;
 use serde::Deserialize;
 use toml::Spanned;
 
+use super::judgement::Judgement;
+use super::settings::{AreaEntry, BIT_RATES, ObjectValue, Settings};
 use super::value::{Value, bytes};
-use super::{AreaEntry, BIT_RATES, BusFile, ObjectValue, Settings};
+use super::written::{NO_IDENTIFIER, Number, Wrong};
 use super::{expectation, judgement, uds};
 use crate::frame::CanId;
 use crate::profile::{Owner, PdoName};
@@ -15,9 +17,6 @@ use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
 use crate::wire::j1939::SpnConversion;
-
-/// What is wrong, and where in the text.
-pub(super) type Wrong = (Range<usize>, String);
 
 const NODE_ID: &str = "a node-ID is 1 to 127";
 
@@ -133,39 +132,12 @@ struct Id {
     node: Option<Spanned<i64>>,
 }
 
-#[derive(Deserialize)]
-#[serde(untagged)]
-pub(super) enum Number {
-    Integer(i64),
-    Text(String),
-}
-
-impl Number {
-    /// The identifier it is, of 29 bits where it has more than eleven, eight digits or `extended`.
-    pub(super) fn can_id(&self, extended: bool) -> Option<CanId> {
-        let (number, extended) = match self {
-            Self::Integer(number) => (u32::try_from(*number).ok()?, extended || *number > 0x7FF),
-            Self::Text(text) => {
-                let hex = matches!(text.len(), 3 | 8) && text.bytes().all(|byte| byte.is_ascii_hexdigit());
-                let number = hex.then(|| u32::from_str_radix(text, 16).ok()).flatten()?;
-                (number, extended || text.len() == 8)
-            }
-        };
-        match (u16::try_from(number), extended) {
-            (Ok(id), false) if id <= 0x7FF => Some(CanId::Standard(id)),
-            (_, true) if number <= 0x1FFF_FFFF => Some(CanId::Extended(number)),
-            _ => None,
-        }
-    }
-}
-
-/// What is said of a number that is no identifier.
-pub(super) const NO_IDENTIFIER: &str =
-    "an identifier has 11 or 29 bits: 0x1A0, or \"1A0\" and \"000001A0\" as candump prints them";
+/// What holds on every bus, on buses by their names, and of rules.
+pub(super) type Parts = (Settings, Vec<(String, Settings)>, Judgement);
 
 impl File {
     /// What the file says, or the first thing wrong with it.
-    pub(super) fn check(self) -> Result<BusFile, Wrong> {
+    pub(super) fn check(self) -> Result<Parts, Wrong> {
         let everywhere = settings(None, self.node, self.id, self.uds)?;
         let everywhere = Settings { databases: self.dbc.into(), master: self.master, ..everywhere };
         let buses = self.bus.into_iter().map(|(name, bus)| {
@@ -173,7 +145,7 @@ impl File {
             Ok((name, Settings { databases: bus.dbc.into(), master: bus.master, ..settings }))
         });
         let judgement = judgement::check(self.rules, self.suppress, self.expect)?;
-        Ok(BusFile { everywhere, buses: buses.collect::<Result<_, Wrong>>()?, judgement })
+        Ok((everywhere, buses.collect::<Result<_, Wrong>>()?, judgement))
     }
 }
 

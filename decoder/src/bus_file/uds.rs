@@ -3,7 +3,7 @@
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::model::{NO_IDENTIFIER, Number, Wrong};
+use super::written::{NO_IDENTIFIER, Number, Wrong};
 use crate::frame::CanId;
 
 /// One UDS server.

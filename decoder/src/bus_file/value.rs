@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::ObjectValue;
+use super::settings::ObjectValue;
 use crate::profile::{DataType, plain_device};
 use crate::wire::canopen::ObjectAddress;
 

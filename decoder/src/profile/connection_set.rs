@@ -4,8 +4,8 @@ use std::sync::OnceLock;
 
 use serde::Deserialize;
 
+use super::embedded::parse;
 use super::layout::{PdoDirection, PdoName};
-use super::parse;
 use crate::wire::canopen::sdo::Side;
 
 /// Service and node of an identifier.

@@ -14,6 +14,7 @@ pub mod dbc;
 pub mod device;
 pub mod device_file;
 mod dictionary;
+mod embedded;
 mod formula;
 pub mod imported;
 mod layout;
@@ -26,6 +27,7 @@ mod position;
 mod quoted;
 mod reference;
 mod resolve;
+mod standards;
 
 pub use catalogue::{Catalogue, Introduction, ProfileError, is_bus_file};
 pub use check::{check, check_ids};
@@ -44,52 +46,10 @@ pub use lookup::{
     emcy_codes, error_register, failure_modes, fault_hints, industry_groups, lamp_names, lss, pgn_name,
     transport_aborts, uds,
 };
-
 pub use meaning::{Factor, Indicators, Meaning, bit_words, integer, word};
 pub use names::{BitName, BitNames, Names};
 pub use object::{Effect, Role, Storage};
 pub use position::TextError;
 pub use reference::Reference;
 pub use resolve::{Known, NothingKnown, Number, Resolver};
-
-/// A device of which nothing is known but that it is one: CiA 301.
-pub fn plain_device() -> &'static Arc<Device> {
-    static PLAIN: OnceLock<Arc<Device>> = OnceLock::new();
-    PLAIN.get_or_init(|| {
-        // A test parses every embedded file, so the empty device is never taken.
-        Catalogue::default().device("cia301").unwrap_or_default()
-    })
-}
-
-/// What ISO 11783 defines for all devices.
-pub fn isobus() -> &'static Arc<Device> {
-    static STANDARD: OnceLock<Arc<Device>> = OnceLock::new();
-    STANDARD.get_or_init(|| Catalogue::default().device("iso11783").unwrap_or_default())
-}
-
-use std::sync::{Arc, OnceLock};
-
-mod embedded {
-    include!(concat!(env!("OUT_DIR"), "/profiles.rs"));
-}
-
-/// Reads an embedded file. Broken data ships in no build: a test reads every file, so the fallback to an empty
-/// table is never taken.
-fn parse<T: serde::de::DeserializeOwned + Default>(path: &str) -> T {
-    let file = embedded::FILES.iter().find(|(name, ..)| *name == path);
-    file.and_then(|(_, _, compiled)| compiled::read(compiled).ok()).unwrap_or_default()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn compiled_files_say_what_their_text_says() {
-        assert!(embedded::FILES.len() >= 9);
-        for (path, text, compiled) in embedded::FILES {
-            let table: toml::Table = toml::from_str(text).unwrap();
-            assert_eq!(compiled::read::<toml::Table>(compiled).unwrap(), table, "{path}");
-        }
-    }
-}
+pub use standards::{isobus, plain_device};

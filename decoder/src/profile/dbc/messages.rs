@@ -6,12 +6,12 @@ use std::sync::Arc;
 
 use can_dbc::{ByteOrder, MultiplexIndicator, NumericValue, ValueType};
 
+use super::file::Known;
 use super::problem::Problems;
 use super::read::{About, Raw, RawMessage};
 use super::signal::Signal;
 use super::{
-    DatabaseFile, DatabaseMessage, Known, LONGEST_MESSAGE, MOST_MESSAGES, MOST_RANGES, MOST_SIGNALS,
-    Parameter,
+    DatabaseFile, DatabaseMessage, LONGEST_MESSAGE, MOST_MESSAGES, MOST_RANGES, MOST_SIGNALS, Parameter,
 };
 use crate::frame::CanId;
 use crate::profile::layout::{BitOrder, DEEPEST_SELECTION, Field, Layout, Selector, SignalId};

@@ -12,6 +12,8 @@
 //! ```
 
 mod database;
+mod file;
+mod limits;
 mod messages;
 mod pretty_j1939;
 mod problem;
@@ -19,91 +21,13 @@ mod read;
 mod signal;
 mod statement;
 
-use std::sync::Arc;
-
-use crate::frame::CanId;
 use crate::profile::device_file::decode;
-use crate::profile::layout::Layout;
-use crate::wire::j1939::Pgn;
 use problem::Problems;
 
 pub use database::Database;
+pub use file::{DatabaseFile, DatabaseMessage, Parameter};
+pub use limits::{LONGEST_MESSAGE, LONGEST_STRING, MOST_MESSAGES, MOST_PROBLEMS, MOST_RANGES, MOST_SIGNALS};
 pub use problem::Problem;
-
-/// Messages that are read of one file.
-pub const MOST_MESSAGES: usize = 1 << 16;
-
-/// Signals that are read of one message: each costs time whenever the message is shown.
-pub const MOST_SIGNALS: usize = 4096;
-
-/// Ranges of a multiplexor's values for one signal, after those that touch were joined.
-pub const MOST_RANGES: usize = 256;
-
-/// Longest payload in bytes: what a transport protocol of J1939 carries (SAE J1939-21 §5.10).
-pub const LONGEST_MESSAGE: u16 = 1785;
-
-/// Bytes of a string that goes over several lines.
-pub const LONGEST_STRING: usize = 1 << 16;
-
-/// Problems that are told apart; one more says how many others there are.
-pub const MOST_PROBLEMS: usize = 100;
-
-/// One message of a database.
-#[derive(Debug, Clone, PartialEq)]
-pub struct DatabaseMessage {
-    /// Name.
-    pub name: String,
-    /// Payload in bytes. One of more than a frame carries comes in several, so no frame alone is laid out by it.
-    /// `None` if its length varies or is not told.
-    pub length: Option<u16>,
-    /// Signals.
-    pub layout: Arc<Layout>,
-}
-
-/// A suspect parameter, for whoever only has its number.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Parameter {
-    /// Name.
-    pub name: String,
-    /// Unit; empty if there is none.
-    pub unit: String,
-}
-
-/// What was read of one file.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct DatabaseFile {
-    /// Messages in the order of the file, each identifier and each parameter group once.
-    messages: Vec<Known>,
-    /// Suspect parameters by number, the first of each.
-    parameters: Vec<(u32, Parameter)>,
-    /// What was left out, or read only by a guess, by place.
-    pub problems: Vec<Problem>,
-}
-
-/// A message and what it is known by.
-#[derive(Debug, Clone, PartialEq)]
-struct Known {
-    id: Option<CanId>,
-    pgn: Option<Pgn>,
-    message: Arc<DatabaseMessage>,
-}
-
-impl DatabaseFile {
-    /// How many messages there are.
-    pub fn len(&self) -> usize {
-        self.messages.len()
-    }
-
-    /// Whether there is no message.
-    pub fn is_empty(&self) -> bool {
-        self.messages.is_empty()
-    }
-
-    /// The messages with their identifier, where they have one, in the order of the file.
-    pub fn messages(&self) -> impl Iterator<Item = (Option<CanId>, &DatabaseMessage)> {
-        self.messages.iter().map(|known| (known.id, &*known.message))
-    }
-}
 
 /// Reads a DBC, or the JSON of pretty_j1939, recognised by its content: JSON begins with `{`. Text is UTF-8 or
 /// UTF-16 if it says or can be so, else Windows-1252. Time and memory are linear in the length of `bytes`.
@@ -126,14 +50,14 @@ pub fn parse(bytes: &[u8]) -> Result<DatabaseFile, Problem> {
     Ok(file)
 }
 
-/// A suspect parameter number: 19 bits (SAE J1939-73 §5.7.1.7); 0 stands for none.
-fn spn(number: u64) -> Option<u32> {
-    u32::try_from(number).ok().filter(|spn| (1..1 << 19).contains(spn))
-}
-
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
+    use super::read::spn;
     use super::*;
+    use crate::frame::CanId;
+    use crate::wire::j1939::Pgn;
 
     #[test]
     fn a_suspect_parameter_has_19_bits_and_is_not_0() {

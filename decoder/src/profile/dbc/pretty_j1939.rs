@@ -18,11 +18,11 @@ use std::sync::Arc;
 use serde::Deserialize;
 use serde_json::Value;
 
+use super::file::Known;
 use super::problem::{Problem, Problems};
+use super::read::spn;
 use super::signal::Signal;
-use super::{
-    DatabaseFile, DatabaseMessage, Known, LONGEST_MESSAGE, MOST_MESSAGES, MOST_SIGNALS, Parameter, spn,
-};
+use super::{DatabaseFile, DatabaseMessage, LONGEST_MESSAGE, MOST_MESSAGES, MOST_SIGNALS, Parameter};
 use crate::profile::layout::{BitOrder, Field, Layout};
 use crate::profile::names::Names;
 use crate::profile::quoted::quote;

@@ -168,7 +168,7 @@ impl Raw {
         for said in dbc.attribute_values_signal {
             let about = self.about(id, said.signal_name, part.at.start);
             match (name, said.value) {
-                ("SPN", AttributeValue::Uint(spn)) => about.spn = super::spn(spn),
+                ("SPN", AttributeValue::Uint(spn)) => about.spn = self::spn(spn),
                 ("SystemSignalLongSymbol", AttributeValue::String(long)) => about.long_name = Some(long),
                 _ => {}
             }
@@ -289,4 +289,9 @@ fn can_id(number: u64) -> Option<(CanId, bool)> {
 
 fn names(descriptions: Vec<ValDescription>) -> Arc<Names> {
     Arc::new(Names(descriptions.into_iter().map(|it| (it.id, it.description)).collect()))
+}
+
+/// A suspect parameter number: 19 bits (SAE J1939-73 §5.7.1.7); 0 stands for none.
+pub(super) fn spn(number: u64) -> Option<u32> {
+    u32::try_from(number).ok().filter(|spn| (1..1 << 19).contains(spn))
 }

@@ -6,6 +6,7 @@ mod condition;
 mod evaluate;
 mod file;
 mod gate;
+mod import;
 mod j1939;
 mod machine;
 mod network;
@@ -27,6 +28,7 @@ pub use evaluate::GateStatus;
 pub(crate) use evaluate::{DeviceFacts, SYNC_AGE, TriggerEvent, UpdateSource, ValueUpdate, evaluate_all};
 pub use file::ProfileFile;
 pub use gate::{Gate, Otherwise};
+pub use import::Import;
 pub use j1939::{Direction, J1939Spec, MessageSpec, TroubleCode};
 pub use machine::{EmcyCodes, Forced, Machine, Masked, State, Transition};
 pub use network::{
@@ -40,7 +42,6 @@ pub use sample::Sample;
 pub use uds::{UdsIdentifier, UdsNrc, UdsSpec};
 
 use super::dictionary::{Dictionary, Object};
-use super::imported::Import;
 use super::lookup::emcy_codes;
 use crate::wire::canopen::ObjectAddress;
 

@@ -3,40 +3,12 @@
 //! A `CANopenObject` says what an entry of an EDS says, itself or through `uniqueIDRef`: a `parameter` of
 //! the application process, which may stand behind it. So all is collected first and put together then.
 
-use std::collections::HashMap;
-
-use foldhash::fast::RandomState;
-
 use super::code::element_type;
 use super::problem::Problems;
-use super::xml::{Attributes, Element, Token, Xml};
-use super::{DeviceFile, DeviceFileError, Kind, LONGEST_VALUE, MOST_ENTRIES, xdd_object};
-use crate::profile::DataType;
+use super::xdd_object::{self, Described, Descriptions, RawObject};
+use super::xml::{Element, Token, Xml};
+use super::{DeviceFile, DeviceFileError, Kind, LONGEST_VALUE, MOST_ENTRIES};
 use crate::profile::quoted::quote;
-
-/// A `CANopenObject` or `CANopenSubObject`.
-#[derive(Debug)]
-pub(super) struct RawObject {
-    pub(super) is_sub: bool,
-    pub(super) attributes: Attributes,
-    pub(super) line: usize,
-}
-
-/// A `parameter`, or another element with a `uniqueID` that says what a value is.
-#[derive(Debug, Default)]
-pub(super) struct Described {
-    pub(super) access: Option<String>,
-    pub(super) data_type: Option<DataType>,
-    /// `dataTypeIDRef` or `templateIDRef`: where the rest is said.
-    pub(super) reference: Option<String>,
-    pub(super) default: Option<String>,
-    pub(super) actual: Option<String>,
-    pub(super) low: Option<String>,
-    pub(super) high: Option<String>,
-}
-
-/// By `uniqueID`.
-pub(super) type Descriptions = HashMap<String, Described, RandomState>;
 
 /// What has been read so far.
 struct Content {

@@ -1,14 +1,42 @@
 //! Objects of an XDD, with what their parameters say of them, to entries.
 
+use std::collections::HashMap;
+
+use foldhash::fast::RandomState;
+
 use super::code::{Access, ObjectType, data_type};
 use super::number::integer;
 use super::problem::Problems;
 use super::value::{Given, Reading};
-use super::xdd::{Described, Descriptions, RawObject};
+use super::xml::Attributes;
 use super::{DeviceObject, LONGEST_VALUE};
 use crate::profile::DataType;
 use crate::profile::quoted::quote;
 use crate::wire::canopen::ObjectAddress;
+
+/// A `CANopenObject` or `CANopenSubObject`.
+#[derive(Debug)]
+pub(super) struct RawObject {
+    pub(super) is_sub: bool,
+    pub(super) attributes: Attributes,
+    pub(super) line: usize,
+}
+
+/// A `parameter`, or another element with a `uniqueID` that says what a value is.
+#[derive(Debug, Default)]
+pub(super) struct Described {
+    pub(super) access: Option<String>,
+    pub(super) data_type: Option<DataType>,
+    /// `dataTypeIDRef` or `templateIDRef`: where the rest is said.
+    pub(super) reference: Option<String>,
+    pub(super) default: Option<String>,
+    pub(super) actual: Option<String>,
+    pub(super) low: Option<String>,
+    pub(super) high: Option<String>,
+}
+
+/// By `uniqueID`.
+pub(super) type Descriptions = HashMap<String, Described, RandomState>;
 
 /// The `CANopenObject` whose `CANopenSubObject`s come.
 struct Parent<'a> {

@@ -10,30 +10,24 @@
 
 mod objects;
 mod pdos;
+mod printable;
 mod repeat;
 mod text;
 
 use std::sync::Arc;
 
+use self::printable::printable;
 use super::device::{Device, Identity};
 use super::device_file::{DeviceFile, Kind};
 use super::dictionary::{Dictionary, Layer};
-use super::plain_device;
+use super::standards::plain_device;
 use crate::wire::canopen::ObjectAddress;
 
+pub use super::device::Import;
 pub use text::toml;
 
 /// Longest id made of names.
 const LONGEST_ID: usize = 60;
-
-/// The device file a device was made of, wholly or in part.
-#[derive(Debug, Clone)]
-pub struct Import {
-    /// The file.
-    pub file: Arc<DeviceFile>,
-    /// Place of its objects among the dictionary's layers; the first if nothing else describes the device.
-    layer: usize,
-}
 
 /// The device of a file; `name` is that of the file without its folder.
 pub fn device(file: &Arc<DeviceFile>, name: &str) -> Device {
@@ -130,16 +124,6 @@ pub fn id_of_name(name: &str) -> String {
 fn title(file: &DeviceFile, name: &str) -> String {
     let product = file.product_name.trim();
     if product.is_empty() { id_of_name(name) } else { printable(product) }
-}
-
-/// Text without characters that steer a terminal or reorder text.
-fn printable(text: &str) -> String {
-    text.chars().map(|c| if steers(c) { char::REPLACEMENT_CHARACTER } else { c }).collect()
-}
-
-/// Control characters, and the marks that reorder text (Unicode's bidirectional formatting).
-fn steers(c: char) -> bool {
-    c.is_control() || matches!(c, '\u{200E}' | '\u{200F}' | '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}')
 }
 
 /// Letters and digits of ASCII in small letters, a hyphen for all between.

@@ -1,6 +1,6 @@
 //! Entries of a device file to objects of a dictionary.
 
-use super::printable;
+use super::printable::printable;
 use crate::profile::DataType;
 use crate::profile::device_file::{self, DeviceFile, DeviceObject, Problem};
 use crate::profile::dictionary::{Dictionary, Entry, Object};

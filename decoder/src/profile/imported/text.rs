@@ -3,7 +3,8 @@
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-use super::{pdos, repeat, steers};
+use super::printable::steers;
+use super::{pdos, repeat};
 use crate::profile::Device;
 use crate::profile::device_file::{DeviceFile, Problem};
 use crate::profile::dictionary::{Entry, Object};

@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 
 use serde::Deserialize;
 
-use super::parse;
+use super::embedded::parse;
 use crate::wire::j1939::{Lamps, Lit, Pgn};
 
 pub use uds::{UdsCode, UdsNames, UdsService, ValueIn, uds};

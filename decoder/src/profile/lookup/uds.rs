@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use serde::Deserialize;
 
-use crate::profile::parse;
+use crate::profile::embedded::parse;
 use crate::wire::uds::{Place, Shape};
 
 /// A service.
