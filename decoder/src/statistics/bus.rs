@@ -2,11 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use super::{Intervals, Load, MOST_IDS, NodeStatistics};
+use super::{Intervals, Load, NodeStatistics};
 use crate::event::{Event, EventKind};
 use crate::frame::{CanId, Frame, FrameFlags};
 use crate::wire::NodeId;
 use crate::wire::canopen::nmt::NmtService;
+
+/// Identifiers of a bus that are counted one by one.
+pub const MOST_IDS: usize = 4096;
 
 /// One identifier.
 #[derive(Debug, Clone, Default)]

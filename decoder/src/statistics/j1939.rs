@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::BusStatistics;
+use super::bus::BusStatistics;
 use crate::frame::CanId;
 use crate::wire::j1939::{J1939Id, NO_ADDRESS, Pgn};
 
@@ -13,16 +13,6 @@ pub struct AddressStatistics {
     pub frames: u64,
     /// Their groups.
     pub groups: BTreeSet<Pgn>,
-}
-
-/// A trouble code as one number: SPN and, in the lowest five bits, FMI.
-pub const fn dtc_key(spn: u32, fmi: u8) -> u32 {
-    spn << 5 | (fmi & 0x1F) as u32
-}
-
-/// SPN and FMI of such a number.
-pub const fn dtc_of_key(key: u32) -> (u32, u8) {
-    (key >> 5, (key & 0x1F).to_le_bytes()[0])
 }
 
 impl BusStatistics {
@@ -57,11 +47,5 @@ mod tests {
         bus.frame(&Frame::data_frame(CanId::standard(0x80), &[]));
         let groups = BTreeSet::from([Pgn::REQUEST, Pgn::DM1]);
         assert_eq!(bus.addresses(), BTreeMap::from([(0x80, AddressStatistics { frames: 4, groups })]));
-    }
-
-    #[test]
-    fn a_trouble_code_is_one_number() {
-        assert_eq!(dtc_of_key(dtc_key(0x7_FFFF, 31)), (0x7_FFFF, 31));
-        assert_eq!(dtc_of_key(dtc_key(298_985, 19)), (298_985, 19));
     }
 }

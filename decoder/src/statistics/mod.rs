@@ -2,6 +2,7 @@
 
 mod bits;
 mod bus;
+mod codes;
 mod distribution;
 mod identifiers;
 mod intervals;
@@ -11,23 +12,18 @@ mod node;
 mod quality;
 
 pub use bits::frame_bits;
-pub use bus::{BusStatistics, IdStatistics, MasterStatistics};
+pub use bus::{BusStatistics, IdStatistics, MOST_IDS, MasterStatistics};
+pub use codes::{CodeCounts, MOST_CODES, dtc_key, dtc_of_key};
 pub use distribution::Distribution;
 pub use identifiers::{IdentifierRow, Identifiers, MOST_ROWS};
 pub use intervals::Intervals;
-pub use j1939::{AddressStatistics, dtc_key, dtc_of_key};
+pub use j1939::AddressStatistics;
 pub use load::Load;
 pub use node::NodeStatistics;
 pub use quality::{Quality, span};
 
 use crate::event::Event;
 use crate::frame::Frame;
-
-/// Identifiers of a bus that are counted one by one.
-pub const MOST_IDS: usize = 4096;
-
-/// Codes counted one by one of each kind and node.
-pub const MOST_CODES: usize = 64;
 
 /// Figures of one capture.
 #[derive(Debug, Clone, Default)]
@@ -59,38 +55,5 @@ impl Statistics {
         // There is one of this index now.
         #[expect(clippy::indexing_slicing, reason = "the loop above made it")]
         &mut self.buses[place]
-    }
-}
-
-/// Counts of codes, the first [`MOST_CODES`] of them apart.
-#[derive(Debug, Clone, Default)]
-pub struct CodeCounts {
-    /// Code and how often.
-    pub codes: Vec<(u32, u64)>,
-    /// How often any further code came.
-    pub others: u64,
-}
-
-impl CodeCounts {
-    /// Counts one.
-    pub fn add(&mut self, code: u32) {
-        let has_room = self.codes.len() < MOST_CODES;
-        match self.codes.iter_mut().find(|(known, _)| *known == code) {
-            Some((_, count)) => *count += 1,
-            None if has_room => self.codes.push((code, 1)),
-            None => self.others += 1,
-        }
-    }
-
-    /// How often any code came.
-    pub fn total(&self) -> u64 {
-        self.codes.iter().map(|(_, count)| count).sum::<u64>().saturating_add(self.others)
-    }
-
-    /// Codes, the most frequent first.
-    pub fn sorted(&self) -> Vec<(u32, u64)> {
-        let mut codes = self.codes.clone();
-        codes.sort_by_key(|(code, count)| (std::cmp::Reverse(*count), *code));
-        codes
     }
 }

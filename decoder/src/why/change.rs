@@ -2,9 +2,11 @@
 
 use std::collections::VecDeque;
 
-use super::SHOWN;
 use crate::event::{ClaimAction, Direction, DtcAction, Event, EventKind, Outcome, StateCause};
 use crate::wire::NodeId;
+
+/// Changes kept, and told, of a node; events kept of a moment.
+pub const SHOWN: usize = 10;
 
 /// Bytes kept of the data of a transfer.
 const DATA: usize = 256;

@@ -18,6 +18,7 @@ pub mod text;
 mod watch;
 
 pub use cadence::{Quiet, Rhythm};
+pub use change::SHOWN;
 pub use check::Check;
 pub use fault::{FaultKind, Grade};
 pub use moment::Moment;
@@ -31,9 +32,6 @@ use crate::session::{Bus, Node, Observer};
 use crate::wire::NodeId;
 use check::Ground;
 use watch::BusWatch;
-
-/// Changes kept, and told, of a node; events kept of a moment.
-pub const SHOWN: usize = 10;
 
 /// Nodes without profile for which one is suggested.
 const SUGGESTED: usize = 5;

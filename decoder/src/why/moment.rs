@@ -1,8 +1,7 @@
 //! A moment at which something went wrong: the faults that came together, and what surrounded them.
 
-use super::SHOWN;
 use super::cadence::Quiet;
-use super::change::{reach, short};
+use super::change::{SHOWN, reach, short};
 use super::fault::{FaultKind, Grade};
 use super::state::NodeState;
 use crate::event::{Event, EventKind};

@@ -1,6 +1,6 @@
 //! Fields of PDOs and SDO transfers.
 
-use super::{FieldValue, Fields, number_or_null};
+use super::field::{FieldValue, Fields, number_or_null};
 use crate::event::{Direction, Mode, Pdo, SdoTransfer};
 use crate::profile::{self, Device, Field, Layout, Meaning, Signal, SignalId, Value};
 use crate::wire::canopen::ObjectAddress;

@@ -6,6 +6,7 @@
 //! ```
 
 pub mod baseline;
+mod comparison;
 mod conformance;
 mod coverage;
 pub mod github;
@@ -21,7 +22,7 @@ use std::sync::Arc;
 use crate::finding::{Findings, Group, Occurrence, RuleInfo, Severity, SuppressionUse, Tally, Verdict};
 use crate::frame::Timestamp;
 use crate::wire::NodeId;
-use baseline::Comparison;
+use comparison::Comparison;
 
 /// What is said of a capture that the baseline has and that was judged nowhere.
 const ABSENT: &str = "not judged in this run: the baseline has it judged";

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::Tone;
-use super::line::{Words, bytes, seconds};
+use super::parts::{Words, bytes, seconds};
 use super::pdo::push_signals;
 use crate::event::{Event, EventKind, Undecoded};
 use crate::frame::{FrameFlags, LinkState};

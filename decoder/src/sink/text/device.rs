@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::Tone;
-use super::line::{millis, seconds};
+use super::parts::{millis, seconds};
 use crate::event::{
     BitsChanged, Conflict, DeviceCause, DeviceState, Effective, Event, EventKind, ModeChange, ProcedureEvent,
     SetPoint,

@@ -3,7 +3,7 @@
 use std::io::Write as _;
 
 use super::Tone;
-use super::line::push_bytes;
+use super::parts::push_bytes;
 use crate::ascii::{push_code, push_decimal};
 use crate::event::{BootCause, EmcyAction, Emergency};
 use crate::profile::{self, Device};

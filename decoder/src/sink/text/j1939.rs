@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::Tone;
-use super::line::{Words, bytes, millis, node_label, node_short, seconds};
+use super::parts::{Words, bytes, millis, node_label, node_short, seconds};
 use super::pdo::push_signals;
 use crate::event::{
     AddressClaim, ClaimAction, CommandedAddress, Dtc, DtcAction, Event, EventKind, Irregularity,

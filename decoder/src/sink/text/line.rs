@@ -2,16 +2,15 @@
 
 use std::fmt::Write as _;
 
-use super::{Tone, bus, device, emcy, finding, j1939, pdo, sdo, uds};
-use crate::ascii::{push_code, push_decimal, push_spaced_hex};
+use super::parts::{Words, bytes, millis, node_label, node_short, push_node, seconds};
+use super::tone::Tone;
+use super::{bus, device, emcy, finding, j1939, pdo, sdo, uds};
 use crate::event::{
-    BootCause, Certainty, Event, EventKind, FrameRange, ObjectChange, PowerSign, Silence, StateCause,
-    StateChange,
+    BootCause, Certainty, Event, EventKind, ObjectChange, PowerSign, Silence, StateCause, StateChange,
 };
 use crate::profile;
 use crate::query::record::device as device_of;
 use crate::session::Bus;
-use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 use crate::wire::canopen::lss::Content;
 use crate::wire::canopen::nmt::NmtService;
@@ -84,17 +83,6 @@ impl Columns {
     }
 }
 
-/// The columns of an event that is neither PDO nor EMCY.
-pub(super) struct Words {
-    pub(super) who: String,
-    pub(super) kind: &'static str,
-    pub(super) what: String,
-    pub(super) tone: Tone,
-}
-
-/// Bytes of data shown in a line.
-const SHOWN_BYTES: usize = 16;
-
 fn words(event: &Event, bus: &Bus) -> Words {
     if let Some(words) = uds::words(event, bus) {
         return words;
@@ -161,52 +149,6 @@ fn object_change(change: &ObjectChange, words: impl Fn(&'static str, String, Ton
         "reset" => words("OBJ", format!("{what}, not kept over the restart"), Tone::Plain),
         _ => words("OBJ", what, Tone::Quiet),
     }
-}
-
-/// `32/20 boom`, `SA80 boom2`.
-pub(super) fn node_label(node: NodeId, bus: &Bus) -> String {
-    let mut label = Vec::new();
-    push_node(node, bus, &mut label);
-    String::from_utf8(label).unwrap_or_default()
-}
-
-/// Appends `32/20 boom`, `SA80 boom2`.
-pub(super) fn push_node(node: NodeId, bus: &Bus, out: &mut Vec<u8>) {
-    if let NodeId::Canopen(id) = node {
-        push_decimal(out, u64::from(id));
-        out.push(b'/');
-    } else {
-        out.extend_from_slice(b"SA");
-    }
-    push_code(out, u32::from(node.number()), 2);
-    if let Some(name) = bus.node(node).and_then(|node| node.name()) {
-        out.push(b' ');
-        out.extend_from_slice(name.as_bytes());
-    }
-}
-
-/// `32 boom`, `SA80 boom2`.
-pub(super) fn node_short(node: NodeId, bus: &Bus) -> String {
-    let name = bus.node(node).and_then(|node| node.name());
-    let number = match node {
-        NodeId::Canopen(id) => id.to_string(),
-        NodeId::J1939(address) => format!("SA{address:02X}"),
-    };
-    format!("{number}{}{}", if name.is_some() { " " } else { "" }, name.unwrap_or(""))
-}
-
-/// Appends ` {118}`, ` {118-121}`.
-pub(super) fn push_frames(frames: FrameRange, out: &mut Vec<u8>) {
-    if frames.last == 0 {
-        return;
-    }
-    out.extend_from_slice(b" {");
-    push_decimal(out, frames.first);
-    if frames.first != frames.last {
-        out.push(b'-');
-        push_decimal(out, frames.last);
-    }
-    out.push(b'}');
 }
 
 fn guard_reply(state: Option<NmtState>, code: u8, toggle: bool, toggle_error: bool) -> String {
@@ -297,32 +239,4 @@ fn lss(command: u8, content: &Content) -> String {
         }
     };
     format!("{title}{detail}")
-}
-
-pub(super) fn bytes(data: &[u8]) -> String {
-    let mut out = Vec::new();
-    push_bytes(&mut out, data);
-    String::from_utf8(out).unwrap_or_default()
-}
-
-/// Appends the first bytes of data.
-pub(super) fn push_bytes(out: &mut Vec<u8>, data: &[u8]) {
-    let shown = data.get(..SHOWN_BYTES).unwrap_or(data);
-    if let Some((first, rest)) = shown.split_first() {
-        push_code(out, u32::from(*first), 2);
-        push_spaced_hex(out, rest);
-    }
-    if shown.len() < data.len() {
-        out.extend_from_slice(" …".as_bytes());
-    }
-}
-
-pub(super) fn millis(nanoseconds: i64) -> String {
-    let micros = nanoseconds.unsigned_abs() / 1_000;
-    format!("{}.{}", micros / 1_000, micros % 1_000 / 100)
-}
-
-pub(super) fn seconds(nanoseconds: i64) -> String {
-    let millis = nanoseconds.unsigned_abs() / 1_000_000;
-    format!("{}.{:03}", millis / 1_000, millis % 1_000)
 }

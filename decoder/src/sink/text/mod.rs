@@ -15,9 +15,11 @@ mod finding;
 mod j1939;
 mod line;
 mod news;
+mod parts;
 mod pdo;
 mod sdo;
 mod time;
+mod tone;
 mod uds;
 
 use std::io::{self, Write};
@@ -25,6 +27,7 @@ use std::io::{self, Write};
 pub use line::Line;
 pub use news::News;
 pub use time::TimeColumn;
+pub use tone::Tone;
 
 use crate::ascii::push_blanks;
 use crate::event::{Event, EventKind};
@@ -69,34 +72,6 @@ pub struct Text<W> {
     news: News,
     line: Vec<u8>,
     error: Option<io::Error>,
-}
-
-/// How serious a line looks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Tone {
-    /// A fact like others.
-    #[default]
-    Plain,
-    /// A repetition.
-    Quiet,
-    /// Something wanted.
-    Good,
-    /// Something to look at.
-    Caution,
-    /// Something wrong.
-    Bad,
-}
-
-impl Tone {
-    const fn ansi(self) -> &'static str {
-        match self {
-            Self::Plain => "",
-            Self::Quiet => "\x1b[2m",
-            Self::Good => "\x1b[32m",
-            Self::Caution => "\x1b[33m",
-            Self::Bad => "\x1b[31m",
-        }
-    }
 }
 
 impl<W: Write> Text<W> {
@@ -162,7 +137,7 @@ impl<W: Write> Text<W> {
         if colored {
             line.extend_from_slice(b"\x1b[0m");
         }
-        line::push_frames(event.frames, line);
+        parts::push_frames(event.frames, line);
         line.push(b'\n');
         if self.options.verbose {
             line.extend_from_slice(detail::lines(event, bus).as_bytes());

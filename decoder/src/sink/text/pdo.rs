@@ -3,7 +3,7 @@
 
 use std::io::Write as _;
 
-use super::line::push_bytes;
+use super::parts::push_bytes;
 use crate::ascii::{push_code, push_decimal, push_integer};
 use crate::event::{Event, Pdo};
 use crate::profile::device::Mapping;

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::Tone;
-use super::line::{Words, bytes, millis, node_short};
+use super::parts::{Words, bytes, millis, node_short};
 use crate::event::{Direction, Event, Mode, Outcome, SdoTransfer};
 use crate::profile::{self, DataType, Device, Effect, Value};
 use crate::query::record::device as device_of;

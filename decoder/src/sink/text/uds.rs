@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::Tone;
-use super::line::{Words, bytes, millis, seconds};
+use super::parts::{Words, bytes, millis, seconds};
 use crate::event::{Ends, Event, EventKind, ExchangeOutcome, IsoTpTransfer, MessageOutcome, UdsExchange};
 use crate::profile::{Device, Effect, UdsService, Value, ValueIn, uds};
 use crate::query::record::device as device_of;

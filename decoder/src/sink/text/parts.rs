@@ -1,0 +1,92 @@
+//! Parts of lines: nodes, frames, data, times.
+
+use super::tone::Tone;
+use crate::ascii::{push_code, push_decimal, push_spaced_hex};
+use crate::event::FrameRange;
+use crate::session::Bus;
+use crate::wire::NodeId;
+
+/// Bytes of data shown in a line.
+const SHOWN_BYTES: usize = 16;
+
+/// The columns of an event that is neither PDO nor EMCY.
+pub(super) struct Words {
+    pub(super) who: String,
+    pub(super) kind: &'static str,
+    pub(super) what: String,
+    pub(super) tone: Tone,
+}
+
+/// `32/20 boom`, `SA80 boom2`.
+pub(super) fn node_label(node: NodeId, bus: &Bus) -> String {
+    let mut label = Vec::new();
+    push_node(node, bus, &mut label);
+    String::from_utf8(label).unwrap_or_default()
+}
+
+/// Appends `32/20 boom`, `SA80 boom2`.
+pub(super) fn push_node(node: NodeId, bus: &Bus, out: &mut Vec<u8>) {
+    if let NodeId::Canopen(id) = node {
+        push_decimal(out, u64::from(id));
+        out.push(b'/');
+    } else {
+        out.extend_from_slice(b"SA");
+    }
+    push_code(out, u32::from(node.number()), 2);
+    if let Some(name) = bus.node(node).and_then(|node| node.name()) {
+        out.push(b' ');
+        out.extend_from_slice(name.as_bytes());
+    }
+}
+
+/// `32 boom`, `SA80 boom2`.
+pub(super) fn node_short(node: NodeId, bus: &Bus) -> String {
+    let name = bus.node(node).and_then(|node| node.name());
+    let number = match node {
+        NodeId::Canopen(id) => id.to_string(),
+        NodeId::J1939(address) => format!("SA{address:02X}"),
+    };
+    format!("{number}{}{}", if name.is_some() { " " } else { "" }, name.unwrap_or(""))
+}
+
+/// Appends ` {118}`, ` {118-121}`.
+pub(super) fn push_frames(frames: FrameRange, out: &mut Vec<u8>) {
+    if frames.last == 0 {
+        return;
+    }
+    out.extend_from_slice(b" {");
+    push_decimal(out, frames.first);
+    if frames.first != frames.last {
+        out.push(b'-');
+        push_decimal(out, frames.last);
+    }
+    out.push(b'}');
+}
+
+pub(super) fn bytes(data: &[u8]) -> String {
+    let mut out = Vec::new();
+    push_bytes(&mut out, data);
+    String::from_utf8(out).unwrap_or_default()
+}
+
+/// Appends the first bytes of data.
+pub(super) fn push_bytes(out: &mut Vec<u8>, data: &[u8]) {
+    let shown = data.get(..SHOWN_BYTES).unwrap_or(data);
+    if let Some((first, rest)) = shown.split_first() {
+        push_code(out, u32::from(*first), 2);
+        push_spaced_hex(out, rest);
+    }
+    if shown.len() < data.len() {
+        out.extend_from_slice(" …".as_bytes());
+    }
+}
+
+pub(super) fn millis(nanoseconds: i64) -> String {
+    let micros = nanoseconds.unsigned_abs() / 1_000;
+    format!("{}.{}", micros / 1_000, micros % 1_000 / 100)
+}
+
+pub(super) fn seconds(nanoseconds: i64) -> String {
+    let millis = nanoseconds.unsigned_abs() / 1_000_000;
+    format!("{}.{:03}", millis / 1_000, millis % 1_000)
+}
