@@ -1,90 +1,143 @@
 //! Modules of a crate and what they import, read from its sources: for tests of layers and cycles.
 //!
-//! A name that a module itself only imports leads on to where that module has it from, so `super::Frame` counts as an
-//! import from the file that defines `Frame`. Tests are not read.
+//! A path leads from the file it is written in to the file that defines what it names: re-exports are followed, so
+//! `super::Notice` is an import from the file `Notice` is defined in. What only tests import is not read.
 
-#![allow(clippy::indexing_slicing, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, clippy::indexing_slicing, reason = "a test that cannot go on has failed")]
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fmt::Write as _;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use super::code::blanked;
 use super::workspace;
 
+/// Aliases followed before a path is given up.
+const LONGEST_CHAIN: usize = 16;
+
 /// Names from the root of the crate on; the root itself is empty.
-type Module = Vec<String>;
+type ModulePath = Vec<String>;
 
-/// Re-exports followed from one to the next at most.
-const LONGEST_CHAIN: usize = 8;
-
-pub struct Modules {
-    files: BTreeMap<Module, String>,
-    /// From where a module has a name that it imports.
-    imported: BTreeMap<(Module, String), Module>,
-    imports: BTreeSet<(Module, Module)>,
+/// A name that a `use` brings into a module.
+struct Import {
+    is_exported: bool,
+    name: String,
+    path: Vec<String>,
 }
+
+/// A file without comments, texts, tests and imports.
+struct Module {
+    body: String,
+    imports: Vec<Import>,
+    /// Modules whose names are all brought in.
+    globs: Vec<Vec<String>>,
+}
+
+/// A crate.
+pub struct Modules(BTreeMap<ModulePath, Module>);
+
+/// How a `mod.rs` counts in its folder.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Heads {
+    /// As a file like the others: it defines what they share or puts them to use, and never both. Its `mod` lines and
+    /// its re-exports only list the folder.
+    Counted,
+    /// Not at all.
+    Free,
+}
+
+/// A circle within a folder.
+pub struct Cycle {
+    /// The folder, from the root of the crate on.
+    pub folder: String,
+    /// Its files and folders one after the other, with a path that each uses of the next.
+    pub chain: String,
+}
+
+/// What a node of a folder uses of another, with one path that shows it.
+type Graph = BTreeMap<String, BTreeMap<String, String>>;
 
 impl Modules {
     /// Reads the sources below a folder of the workspace.
     pub fn read(folder: &str) -> Self {
-        let mut texts = BTreeMap::new();
-        read(&workspace().join(folder), &mut Vec::new(), &mut texts);
-        let files = texts.keys().map(|module: &Module| (module.clone(), file_of(module))).collect();
-        let mut modules = Self { files, imported: BTreeMap::new(), imports: BTreeSet::new() };
-        let paths: Vec<_> = texts.iter().map(|(module, text)| (module, paths(text))).collect();
-        for (module, paths) in &paths {
-            for path in paths.iter().filter(|path| path.is_use) {
-                if let Some((source, Some(name))) = modules.resolve(module, &path.names)
-                    && source != **module
-                {
-                    modules.imported.insert(((*module).clone(), name), source);
-                }
-            }
-        }
-        for (module, paths) in &paths {
-            for path in paths {
-                let Some((source, name)) = modules.resolve(module, &path.names) else { continue };
-                let source = modules.definition(source, name);
-                if source != **module {
-                    modules.imports.insert(((*module).clone(), source));
-                }
-            }
-        }
-        modules
+        let root = workspace().join(folder);
+        let mut files = Vec::new();
+        collect(&root, &mut files);
+        let name = |path: &Path| path.strip_prefix(&root).unwrap().display().to_string();
+        Self::of(files.iter().map(|path| (name(path), fs::read_to_string(path).unwrap())))
     }
 
-    /// The module a path leads to, and the first name behind it.
-    fn resolve(&self, from: &Module, path: &[String]) -> Option<(Module, Option<String>)> {
-        let mut at = from.clone();
-        let mut names = path;
-        match names.first()?.as_str() {
-            "crate" => (at, names) = (Vec::new(), &names[1..]),
-            "self" => names = &names[1..],
-            "super" => {
-                while let ["super", ..] = names.iter().map(String::as_str).collect::<Vec<_>>()[..] {
-                    at.pop();
-                    names = &names[1..];
-                }
+    /// The modules of files, given with their paths below the root.
+    pub fn of(files: impl Iterator<Item = (String, String)>) -> Self {
+        let mut modules = BTreeMap::new();
+        let mut tests: Vec<ModulePath> = Vec::new();
+        for (file, text) in files {
+            let mut path: ModulePath = file.trim_end_matches(".rs").split('/').map(str::to_owned).collect();
+            if path == ["main"] {
+                continue;
             }
-            _ if self.files.contains_key(&child(from, names.first()?)) => {}
-            _ => return None,
+            if path.last().is_some_and(|last| last == "mod") || path == ["lib"] {
+                path.pop();
+            }
+            let (text, of_tests) = without_tests(&blanked(&text));
+            tests.extend(of_tests.into_iter().map(|name| child(&path, &name)));
+            modules.insert(path, Module::parse(&text));
         }
-        while let Some(name) = names.first().filter(|name| self.files.contains_key(&child(&at, name))) {
-            at.push(name.clone());
-            names = &names[1..];
-        }
-        Some((at, names.first().cloned()))
+        modules.retain(|path, _| !tests.iter().any(|test| path.starts_with(test)));
+        Self(modules)
     }
 
-    /// The module a name is from, behind re-exports.
-    fn definition(&self, mut module: Module, name: Option<String>) -> Module {
-        let Some(name) = name else { return module };
-        for _ in 0..LONGEST_CHAIN {
-            let Some(source) = self.imported.get(&(module.clone(), name.clone())) else { break };
-            module.clone_from(source);
+    /// The module whose file defines what a path in `module` names; none if it is not of this crate.
+    fn defining(&self, module: &[String], path: &[String], chain: usize) -> Option<ModulePath> {
+        if chain > LONGEST_CHAIN {
+            return None;
         }
-        module
+        let first = path.first()?;
+        let ups = path.iter().take_while(|name| *name == "super").count();
+        match first.as_str() {
+            "crate" | "$crate" => self.walk(&[], &path[1..], chain),
+            "self" => self.walk(module, &path[1..], chain),
+            "super" => self.walk(module.get(..module.len().checked_sub(ups)?)?, &path[ups..], chain),
+            _ if self.0.contains_key(&child(module, first)) => self.walk(module, path, chain),
+            _ => {
+                let imports = &self.0.get(module)?.imports;
+                let import = imports.iter().find(|import| import.name == *first && import.path != path)?;
+                self.defining(module, &[&import.path, &path[1..]].concat(), chain + 1)
+            }
+        }
+    }
+
+    fn walk(&self, module: &[String], rest: &[String], chain: usize) -> Option<ModulePath> {
+        let Some((name, behind)) = rest.split_first() else { return Some(module.to_vec()) };
+        let below = child(module, name);
+        if self.0.contains_key(&below) {
+            return self.walk(&below, behind, chain);
+        }
+        let own = self.0.get(module)?;
+        if let Some(import) = own.imports.iter().find(|import| import.name == *name) {
+            return self.defining(module, &[&import.path, behind].concat(), chain + 1);
+        }
+        for glob in &own.globs {
+            let from = self.defining(module, glob, chain + 1)?;
+            if self.0.get(&from).is_some_and(|module| module.declares(name)) {
+                return self.walk(&from, rest, chain + 1);
+            }
+        }
+        Some(module.to_vec())
+    }
+
+    /// Who imports from whom, with the paths that are written there.
+    fn imports(&self) -> Vec<(&ModulePath, ModulePath, String)> {
+        let mut all = Vec::new();
+        for (from, module) in &self.0 {
+            for path in module.paths() {
+                if let Some(to) = self.defining(from, &path, 0).filter(|to| to != from) {
+                    all.push((from, to, path.join("::")));
+                }
+            }
+        }
+        all
     }
 
     /// Imports that a table of layers does not allow. It lists each module at the root with those it may import, which
@@ -98,166 +151,254 @@ impl Modules {
                 writeln!(report, "{name} must come before {layer} in the table of layers").unwrap();
             }
         }
-        for module in self.files.keys().filter_map(|module| module.first()).collect::<BTreeSet<_>>() {
+        for module in self.0.keys().filter_map(|module| module.first()).collect::<BTreeSet<_>>() {
             if !allowed.contains_key(module.as_str()) {
                 writeln!(report, "{module} is not in the table of layers").unwrap();
             }
         }
-        for (from, to) in &self.imports {
+        for (from, to, path) in self.imports() {
             let (Some(layer), Some(used)) = (from.first(), to.first()) else { continue };
             let is_allowed =
                 allowed.get(layer.as_str()).is_none_or(|allowed| allowed.contains(&used.as_str()));
             if layer != used && !is_allowed {
-                writeln!(report, "{}: {layer} must not import {}", self.files[from], to.join("::")).unwrap();
+                writeln!(report, "{}: {layer} must not import {used}: {path}", shown(from)).unwrap();
             }
         }
         report
     }
 
     /// Files below a folder that import from a module.
-    pub fn importers(&self, folder: &str, module: &str) -> Vec<&str> {
-        let is_meant = |(from, to): &&(Module, Module)| {
-            from.first().is_some_and(|name| name == folder) && to.first().is_some_and(|name| name == module)
-        };
-        let files: BTreeSet<_> = self.imports.iter().filter(is_meant).map(|(from, _)| from).collect();
-        files.into_iter().map(|from| self.files[from].as_str()).collect()
+    pub fn importers(&self, folder: &str, module: &str) -> Vec<String> {
+        let is = |path: &ModulePath, name: &str| path.first().is_some_and(|first| first == name);
+        let imports = self.imports();
+        let meant = imports.iter().filter(|(from, to, _)| is(from, folder) && is(to, module));
+        let files: BTreeSet<_> = meant.map(|(from, ..)| shown(from)).collect();
+        files.into_iter().collect()
     }
 
-    /// Circles of imports among the files and folders of one folder.
-    pub fn cycles(&self) -> String {
-        let mut report = String::new();
-        let folders = self.files.keys().filter_map(|module| module.split_last()).map(|(_, folder)| folder);
-        for folder in folders.collect::<BTreeSet<_>>() {
-            let mut edges: BTreeMap<&str, BTreeMap<&str, String>> = BTreeMap::new();
-            for (from, to) in &self.imports {
-                let inside = |module: &Module| module.starts_with(folder) && module.len() > folder.len();
-                if inside(from) && inside(to) && from[folder.len()] != to[folder.len()] {
-                    let import = format!("{} imports {}", self.files[from], to.join("::"));
-                    edges.entry(&from[folder.len()]).or_default().insert(&to[folder.len()], import);
+    /// For each folder with circles of imports the shortest of them. The nodes of a folder are its files and its
+    /// subfolders, each of which stands for all in it.
+    pub fn cycles(&self, heads: Heads) -> Vec<Cycle> {
+        let mut graphs: BTreeMap<&[String], Graph> = BTreeMap::new();
+        for (from, to, path) in self.imports() {
+            let shared = from.iter().zip(&to).take_while(|(one, other)| one == other).count();
+            if heads == Heads::Free && shared == from.len().min(to.len()) {
+                continue;
+            }
+            let node = |of: &ModulePath| of.get(shared).map_or("mod.rs", String::as_str).to_owned();
+            let graph = graphs.entry(&from[..shared]).or_default();
+            let import = format!("{} uses {path}", shown(from));
+            graph.entry(node(from)).or_default().entry(node(&to)).or_insert(import);
+        }
+        let found = graphs.iter().filter_map(|(folder, graph)| Some((folder, graph, shortest_cycle(graph)?)));
+        let told = found.map(|(folder, graph, nodes)| {
+            let uses = nodes.windows(2).map(|pair| format!("\n    {}", graph[&pair[0]][&pair[1]]));
+            let chain = nodes.join(" → ") + &uses.collect::<String>();
+            Cycle { folder: folder.join("/"), chain }
+        });
+        told.collect()
+    }
+}
+
+impl Module {
+    fn parse(text: &str) -> Self {
+        let (mut body, mut imports, mut globs) = (String::new(), Vec::new(), Vec::new());
+        let mut rest = text;
+        while let Some(at) = rest.find("use ") {
+            let (before, from) = rest.split_at(at);
+            body.push_str(before);
+            if before.ends_with(|c: char| c.is_alphanumeric() || c == '_') {
+                body.push_str("use ");
+                rest = &from[4..];
+                continue;
+            }
+            let is_exported = before.trim_end().rsplit(['\n', ';', '}']).next().is_some_and(is_visibility);
+            let (tree, after) = from[4..].split_once(';').unwrap_or((from, ""));
+            for (path, name) in leaves(tree) {
+                match name.as_str() {
+                    "*" => globs.push(path),
+                    _ => imports.push(Import { is_exported, name, path }),
                 }
             }
-            if let Some(cycle) = cycle(&mut edges) {
-                writeln!(report, "cycle in {}:\n  {}", file_of(folder), cycle.join("\n  ")).unwrap();
-            }
+            rest = after;
         }
-        report
+        body.push_str(rest);
+        Self { body, imports, globs }
+    }
+
+    /// Whether something of this name is defined here, or brought in.
+    fn declares(&self, name: &str) -> bool {
+        let words: Vec<_> = words(&self.body).collect();
+        let kinds = ["fn", "struct", "enum", "trait", "type", "const", "static", "macro_rules"];
+        words.windows(2).any(|pair| kinds.contains(&pair[0]) && pair[1] == name)
+            || self.imports.iter().any(|import| import.name == name)
+    }
+
+    /// All paths that are an edge: imports, apart from those that are only handed on, and paths in the text.
+    fn paths(&self) -> Vec<Vec<String>> {
+        let used: BTreeSet<_> = words(&self.body).collect();
+        let imports =
+            self.imports.iter().filter(|import| !import.is_exported || used.contains(&*import.name));
+        let mut paths: Vec<_> = imports.map(|import| import.path.clone()).collect();
+        paths.extend(self.globs.iter().cloned());
+        paths.extend(in_text(&self.body));
+        paths
     }
 }
 
-fn child(module: &Module, name: &str) -> Module {
-    module.iter().map(String::as_str).chain([name]).map(str::to_owned).collect()
-}
-
-fn file_of(module: &[String]) -> String {
+/// A module as it is named in reports.
+fn shown(module: &[String]) -> String {
     if module.is_empty() { "the root".to_owned() } else { module.join("/") }
 }
 
-/// One circle, as its imports; what leads into none is taken out first.
-fn cycle(edges: &mut BTreeMap<&str, BTreeMap<&str, String>>) -> Option<Vec<String>> {
-    loop {
-        let before = edges.len();
-        let inner: BTreeSet<_> = edges.keys().copied().collect();
-        edges.retain(|_, targets| {
-            targets.retain(|target, _| inner.contains(target));
-            !targets.is_empty()
-        });
-        if edges.len() == before {
-            break;
-        }
-    }
-    let mut at = *edges.keys().next()?;
-    let mut way: Vec<(&str, String)> = Vec::new();
-    while !way.iter().any(|(name, _)| *name == at) {
-        let (target, import) = edges.get(at)?.iter().next()?;
-        way.push((at, import.clone()));
-        at = target;
-    }
-    Some(way.into_iter().skip_while(|(name, _)| *name != at).map(|(_, import)| import).collect())
-}
-
-/// Reads the files of a folder, without tests.
-fn read(folder: &Path, module: &mut Module, texts: &mut BTreeMap<Module, String>) {
+fn collect(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
-        let name = path.file_stem().unwrap().to_string_lossy().into_owned();
-        let is_own = ["mod", "lib"].contains(&name.as_str());
-        if name == "main" || name == "tests" {
-            continue;
-        }
-        if !is_own {
-            module.push(name);
-        }
         if path.is_dir() {
-            read(&path, module, texts);
+            collect(&path, found);
         } else if path.extension().is_some_and(|extension| extension == "rs") {
-            let text = fs::read_to_string(&path).unwrap();
-            let text = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default();
-            texts.insert(module.clone(), text.to_owned());
-        }
-        if !is_own {
-            module.pop();
+            found.push(path);
         }
     }
 }
 
-struct Names {
-    names: Vec<String>,
-    is_use: bool,
+fn child(module: &[String], name: &str) -> ModulePath {
+    [module, &[name.to_owned()]].concat()
 }
 
-/// All paths of a file: those of `use` one by one, and those written out.
-fn paths(text: &str) -> Vec<Names> {
-    let lines = text.lines().map(|line| line.split("//").next().unwrap_or_default());
-    let code = lines.collect::<Vec<_>>().join("\n");
-    let tokens = tokens(&code);
-    let (mut all, mut at) = (Vec::new(), 0);
-    while let Some(token) = tokens.get(at) {
-        let is_use = *token == "use";
-        at += usize::from(is_use);
-        let is_path = is_use || tokens.get(at + 1) == Some(&"::");
-        at = if is_path { tree(&tokens, at, &[], is_use, &mut all) } else { at + 1 };
-    }
-    all
+/// `pub`, `pub(super)`, `pub(in crate::capture)`.
+fn is_visibility(text: &str) -> bool {
+    let text = text.trim();
+    text == "pub" || (text.starts_with("pub(") && text.ends_with(')'))
 }
 
-/// Identifiers, `::` and single characters.
-fn tokens(code: &str) -> Vec<&str> {
-    let mut all = Vec::new();
-    let mut rest = code.trim_start();
-    let is_word = |character: char| character.is_alphanumeric() || character == '_';
-    while let Some(first) = rest.chars().next() {
-        let length = if is_word(first) {
-            rest.find(|character| !is_word(character)).unwrap_or(rest.len())
-        } else if rest.starts_with("::") {
-            2
-        } else {
-            first.len_utf8()
-        };
-        all.push(&rest[..length]);
-        rest = rest[length..].trim_start();
-    }
-    all
+/// Identifiers and keywords.
+fn words(text: &str) -> impl Iterator<Item = &str> {
+    text.split(|c: char| !c.is_alphanumeric() && c != '_').filter(|word| !word.is_empty())
 }
 
-/// Takes one path, or several in braces, that begin with `prefix`; the place behind it.
-fn tree(tokens: &[&str], mut at: usize, prefix: &[String], is_use: bool, all: &mut Vec<Names>) -> usize {
-    let mut names = prefix.to_vec();
-    while let Some(token) = tokens.get(at) {
-        if *token == "{" {
-            at += 1;
-            while tokens.get(at).is_some_and(|token| *token != "}") {
-                at = tree(tokens, at, &names, is_use, all);
-                at += usize::from(tokens.get(at) == Some(&","));
+/// The paths of a tree of imports, and the names they bring in.
+fn leaves(tree: &str) -> Vec<(Vec<String>, String)> {
+    let tree = tree.trim();
+    if let Some((head, inner)) = tree.strip_suffix('}').and_then(|tree| tree.split_once('{')) {
+        let head: Vec<String> = words(head).map(str::to_owned).collect();
+        let under = |(path, name): (Vec<String>, String)| ([head.as_slice(), &path].concat(), name);
+        let mut all: Vec<_> = parts(inner).into_iter().flat_map(leaves).map(under).collect();
+        for (path, name) in &mut all {
+            if path.len() > 1 && path.last().is_some_and(|last| last == "self") {
+                path.pop();
+                if name == "self" {
+                    name.clone_from(path.last().unwrap());
+                }
             }
+        }
+        return all;
+    }
+    let (path, alias) = tree.split_once(" as ").unwrap_or((tree, ""));
+    let mut path: Vec<String> = path.split("::").map(|name| name.trim().to_owned()).collect();
+    let name = if alias.is_empty() { path.last().unwrap().clone() } else { alias.trim().to_owned() };
+    if name == "*" {
+        path.pop();
+    }
+    vec![(path, name)]
+}
+
+/// What stands between commas that are in no braces.
+fn parts(text: &str) -> Vec<&str> {
+    let mut depth = 0;
+    let parts = text.split(|c| {
+        depth += match c {
+            '{' => 1,
+            '}' => -1,
+            _ => 0,
+        };
+        c == ',' && depth == 0
+    });
+    parts.map(str::trim).filter(|part| !part.is_empty()).collect()
+}
+
+/// Paths of at least two names.
+fn in_text(text: &str) -> Vec<Vec<String>> {
+    let mut paths = Vec::new();
+    let is_word = |c: char| c.is_alphanumeric() || c == '_' || c == '$';
+    let mut rest = text;
+    while let Some(start) = rest.find(is_word) {
+        // `pub(in crate::rules)` says who may see, and uses nothing.
+        rest = &rest[start..];
+        let is_visibility = text[..text.len() - rest.len()].ends_with("(in ");
+        let mut path = Vec::new();
+        loop {
+            let end = rest.find(|c| !is_word(c)).unwrap_or(rest.len());
+            path.push(rest[..end].to_owned());
+            rest = &rest[end..];
+            match rest.trim_start().strip_prefix("::").map(str::trim_start) {
+                Some(next) if next.starts_with(|c: char| c.is_alphabetic() || c == '_') => rest = next,
+                _ => break,
+            }
+        }
+        if path.len() > 1 && !is_visibility {
+            paths.push(path);
+        }
+    }
+    paths
+}
+
+/// The text without what is for tests only, and the names of modules that are.
+fn without_tests(text: &str) -> (String, Vec<String>) {
+    const MARKS: [&str; 2] = ["#[cfg(test)]", "#[cfg(all(test"];
+    let (mut kept, mut modules, mut rest) = (String::new(), Vec::new(), text);
+    while let Some(at) = MARKS.iter().filter_map(|mark| rest.find(mark)).min() {
+        kept.push_str(&rest[..at]);
+        let mut item = &rest[at..];
+        while item.starts_with("#[") {
+            item = item.split_once(']').unwrap().1.trim_start();
+        }
+        let end = end_of_item(item);
+        let mut words = words(&item[..end]).skip_while(|word| matches!(*word, "pub" | "super" | "crate"));
+        if words.next() == Some("mod") && item[..end].ends_with(';') {
+            modules.extend(words.next().map(str::to_owned));
+        }
+        rest = &item[end..];
+    }
+    kept.push_str(rest);
+    (kept, modules)
+}
+
+/// Where an item ends: behind its semicolon or its braces.
+fn end_of_item(item: &str) -> usize {
+    let mut depth = 0_i32;
+    let is_import = words(item).find(|word| *word != "pub") == Some("use");
+    for (at, c) in item.char_indices() {
+        match c {
+            '{' | '(' | '[' => depth += 1,
+            '}' | ')' | ']' => depth -= 1,
+            _ => {}
+        }
+        if depth == 0 && (c == ';' || (c == '}' && !is_import)) {
             return at + 1;
         }
-        names.push((*token).to_owned());
-        at += 1;
-        if tokens.get(at) != Some(&"::") {
-            break;
-        }
-        at += 1;
     }
-    all.push(Names { names, is_use });
-    at + if tokens.get(at) == Some(&"as") { 2 } else { 0 }
+    item.len()
+}
+
+/// The nodes of the shortest cycle, the first one at the end again.
+fn shortest_cycle(graph: &Graph) -> Option<Vec<String>> {
+    graph.keys().filter_map(|start| way_back(graph, start)).min_by_key(Vec::len)
+}
+
+fn way_back(graph: &Graph, start: &str) -> Option<Vec<String>> {
+    let mut ways = VecDeque::from([vec![start.to_owned()]]);
+    let mut seen = BTreeSet::new();
+    while let Some(way) = ways.pop_front() {
+        for next in graph.get(way.last()?).into_iter().flat_map(BTreeMap::keys) {
+            let longer = [way.as_slice(), std::slice::from_ref(next)].concat();
+            if next == start {
+                return Some(longer);
+            }
+            if seen.insert(next.clone()) {
+                ways.push_back(longer);
+            }
+        }
+    }
+    None
 }
