@@ -5,6 +5,7 @@
 
 mod device;
 mod finding;
+mod frame_range;
 mod j1939;
 mod node;
 mod transfer;
@@ -15,6 +16,7 @@ pub use device::{
     ProcedureEvent, Quantity, SetPoint,
 };
 pub use finding::FindingNews;
+pub use frame_range::FrameRange;
 pub use j1939::{
     AddressClaim, ClaimAction, CommandedAddress, Contention, Dtc, DtcAction, Irregularity, IrregularityKind,
     J1939Acknowledgement, J1939Message, J1939Request, J1939Transfer, MessageGap, Timer, TransportAbort,
@@ -37,22 +39,6 @@ use crate::wire::canopen::test_marker::TestMarker;
 use crate::wire::canopen::{NmtState, ObjectAddress};
 use crate::wire::error_frame::ErrorFrame;
 use crate::wire::{Malformed, NodeId};
-
-/// First and last frame of something, numbered from 1 within a capture; 0 for "none".
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct FrameRange {
-    /// First frame.
-    pub first: u64,
-    /// Last frame.
-    pub last: u64,
-}
-
-impl FrameRange {
-    /// A single frame.
-    pub const fn one(number: u64) -> Self {
-        Self { first: number, last: number }
-    }
-}
 
 /// What the event's protocol is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
