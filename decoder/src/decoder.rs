@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::event::{Event, EventKind, FrameRange, Protocol};
 use crate::frame::{BusIndex, Frame, LinkState, Timestamp};
-use crate::session::{Bus, Observer, SessionOptions};
+use crate::session::{BusDecoder, Buses, Observer, SessionOptions};
 
 use crate::capture::{BusNames, Notice, Place};
 
@@ -16,7 +16,7 @@ pub const SHOWN_UNREADABLE: u64 = 10;
 #[derive(Debug, Clone)]
 pub struct Decoder {
     options: Arc<SessionOptions>,
-    buses: Vec<Bus>,
+    buses: Vec<BusDecoder>,
     unreadable: u64,
     last_time: Option<Timestamp>,
     last_frame: u64,
@@ -47,7 +47,7 @@ impl Decoder {
         for index in self.buses.len()..=last {
             let Ok(number) = u8::try_from(index) else { return };
             let name = names.names().get(index).map_or("", String::as_str);
-            self.buses.push(Bus::new(BusIndex(number), name, Arc::clone(&self.options)));
+            self.buses.push(BusDecoder::new(BusIndex(number), name, Arc::clone(&self.options)));
         }
     }
 
@@ -116,7 +116,7 @@ impl Decoder {
             self.add_buses(index, names);
         }
         if let (Some(rate), Some(bus)) = (bit_rate, self.buses.get_mut(index)) {
-            bus.hear_bit_rate(rate);
+            bus.set_recorded_bit_rate(rate);
         }
         self.say(bus, EventKind::Link { state, bit_rate }, names, out);
     }
@@ -137,7 +137,7 @@ impl Decoder {
             self.add_buses(index, names);
         }
         if let Some(bus) = self.buses.get(index) {
-            out.event(&event, bus);
+            out.event(&event, bus.bus());
         }
     }
 
@@ -157,12 +157,12 @@ impl Decoder {
     }
 
     /// Buses in order of appearance.
-    pub fn buses(&self) -> &[Bus] {
-        &self.buses
+    pub fn buses(&self) -> Buses<'_> {
+        Buses::new(&self.buses)
     }
 
     /// Bytes a checkpoint holds of its own; the object stores are shared until they change.
     pub fn footprint(&self) -> usize {
-        size_of::<Self>() + self.buses.iter().map(Bus::footprint).sum::<usize>()
+        size_of::<Self>() + self.buses.iter().map(BusDecoder::footprint).sum::<usize>()
     }
 }

@@ -46,7 +46,15 @@ fn claims_on_a_boat() {
     }
     // 80 AA A4 1C 00 96 50 C0 of address 1: 1CA4AA80 is maker 0E5 (1CA4AA80 >> 21 = 229), number 4AA80;
     // function 96 = 150, class 50 >> 1 = 40, industry group C0 >> 4 & 7 = 4, marine.
-    let name = decoder.buses()[0].nodes().find(|node| node.id().number() == 1).unwrap().j1939_name().unwrap();
+    let name = decoder
+        .buses()
+        .first()
+        .unwrap()
+        .nodes()
+        .find(|node| node.id().number() == 1)
+        .unwrap()
+        .j1939_name()
+        .unwrap();
     let parts = name.fields();
     assert_eq!((parts.manufacturer_code, parts.identity_number), (229, 0x4_AA80));
     assert_eq!((parts.function, parts.device_class, parts.industry_group), (150, 40, 4));

@@ -145,7 +145,10 @@ fn active_errors() {
         scene.standard(0x085, &[low, high, 1, 0, 0, 0, 0, 0]);
     }
     assert_eq!(scene.evicted("active error"), 200 - ACTIVE_ERROR_LIMIT);
-    assert_eq!(scene.decoder.buses()[0].node(5).unwrap().active_errors().len(), ACTIVE_ERROR_LIMIT);
+    assert_eq!(
+        scene.decoder.buses().first().unwrap().node(5).unwrap().active_errors().len(),
+        ACTIVE_ERROR_LIMIT
+    );
 }
 
 #[test]
@@ -155,7 +158,7 @@ fn objects() {
         scene.write(5, 0x2000 + number, 0, 7);
     }
     assert_eq!(scene.evicted("object"), 5_000 - OBJECT_LIMIT);
-    assert_eq!(scene.decoder.buses()[0].node(5).unwrap().store().len(), OBJECT_LIMIT);
+    assert_eq!(scene.decoder.buses().first().unwrap().node(5).unwrap().store().len(), OBJECT_LIMIT);
 }
 
 #[test]
@@ -256,7 +259,7 @@ fn boot_ups_of_a_node_that_was_told_much() {
     for _ in 0..2_000 {
         scene.standard(0x705, &[0]);
     }
-    assert_eq!(scene.decoder.buses()[0].node(5).unwrap().boots(), 2_000);
+    assert_eq!(scene.decoder.buses().first().unwrap().node(5).unwrap().boots(), 2_000);
 }
 
 /// Thousands of devices want all addresses: each claim is one event, or two where one is given up.

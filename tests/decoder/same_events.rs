@@ -220,6 +220,6 @@ fn random_traffic_is_no_canopen_network() {
             });
         }
     }
-    assert!(!decoder.buses()[0].is_canopen());
+    assert!(!decoder.buses().first().unwrap().is_canopen());
     assert_eq!(claimed, 0);
 }

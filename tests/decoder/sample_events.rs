@@ -56,7 +56,7 @@ pub fn bus() -> Bus {
     frame.number = 1;
     frame.time = Some(Timestamp(0));
     decoder.push(&frame, &BusNames::default(), &mut |_: &Event, _: &Bus| {});
-    decoder.buses()[0].clone()
+    decoder.buses().first().unwrap().clone()
 }
 
 /// An event of node 2 at 1.5 s in frames 3 to 4.

@@ -5,7 +5,7 @@ use crate::capture::{BusNames, Item, Notice};
 use crate::decoder::Decoder;
 use crate::event::{Event, EventKind};
 use crate::frame::{Frame, Timestamp};
-use crate::session::{Bus, Observer, SessionOptions};
+use crate::session::{Bus, Buses, Observer, SessionOptions};
 use crate::sink::text::News;
 use crate::statistics::Identifiers;
 
@@ -144,7 +144,7 @@ impl World {
     }
 
     /// Buses in order of appearance.
-    pub fn buses(&self) -> &[Bus] {
+    pub fn buses(&self) -> Buses<'_> {
         self.decoder.buses()
     }
 

@@ -2,16 +2,15 @@
 
 use std::sync::Arc;
 
-use super::Bus;
-use super::SessionOptions;
-use super::device::given_devices;
-use super::routes::Service;
-use super::store::{Origin, OriginKind};
-use super::uds::{Pairs, UdsState};
 use crate::bus_file::{AreaEntry, ObjectValue, encode};
 use crate::frame::CanId;
 use crate::profile::device::PdoField;
 use crate::profile::{Owner, Reference};
+use crate::session::bus::{Bus, Origin, OriginKind, Pairs, Service};
+use crate::session::context::Context;
+use crate::session::identity::{assign, given_devices};
+use crate::session::objects::apply_object;
+use crate::session::options::SessionOptions;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
@@ -19,99 +18,87 @@ use crate::wire::canopen::sdo::Side;
 /// Number of the SDO channel the user describes, beside 1200 and up that a node has.
 const GIVEN_CHANNEL: u16 = 0;
 
-impl Bus {
-    /// Takes over the bus file: identifiers first, they also go before what its objects tell.
-    pub(super) fn take_given(&mut self) {
-        let options = Arc::clone(&self.options);
-        let name = Arc::clone(&self.name);
-        let owners: Vec<(CanId, Owner)> = options.bus_file.owners(&name).collect();
-        for (id, owner) in &owners {
-            let service = match owner {
-                Owner::Sdo(_, node) => self.given_channel(*node, &owners),
-                _ => None,
-            };
-            let service = match (owner, service) {
-                (Owner::Sdo(side, _), Some(channel)) => Service::Sdo(*side, channel),
-                _ => self.service_of(*owner),
-            };
-            self.routes.give(*id, service);
-        }
-        let pairs = Pairs::new(options.bus_file.uds(&name).cloned().collect());
-        for (id, link) in pairs.links() {
-            self.routes.name(id, link);
-        }
-        self.uds = UdsState::with(pairs);
-        for (node, device, by) in given_devices(&options.assignments, &name) {
-            self.assign(node, &device, by);
-        }
-        for (id, address, value) in options.bus_file.objects(&name) {
-            self.give_object(*id, *address, value);
-        }
-        self.give_areas(&options, &name);
-        for (id, conversion) in options.bus_file.conversions(&name) {
-            if let Some(node) = self.node_mut(id) {
-                node.j1939_state().conversion = Some(conversion);
-            }
-        }
-        for (id, address, unit) in options.bus_file.units(&name) {
-            if let Some(node) = self.node_mut(*id) {
-                Arc::make_mut(&mut node.store).give_unit(*address, unit);
-            }
-        }
-    }
-
-    /// Slices what the bus file lists into PDOs of eight bytes, in order.
-    fn give_areas(&mut self, options: &SessionOptions, bus: &str) {
-        for node in &mut self.nodes {
-            let mut pdos = Vec::new();
-            for area in &node.device.areas {
-                let entries = options.bus_file.area(bus, node.id, &area.name).unwrap_or_default();
-                let names = area.pdos.iter().filter_map(|name| name.parse().ok());
-                pdos.extend(names.zip(slices(entries)));
-            }
-            node.given_pdos = Arc::new(pdos);
-        }
-    }
-
-    /// Takes a value the user gives; a number is as wide as its object.
-    fn give_object(&mut self, id: NodeId, address: ObjectAddress, value: &ObjectValue) {
-        const ORIGIN: Origin = Origin { kind: OriginKind::BusFile, frame: 0, time: None };
-        let Some(node) = self.node_mut(id) else { return };
-        let bytes = match value {
-            ObjectValue::Bytes(bytes) => bytes.clone(),
-            ObjectValue::Number(number) => {
-                let data_type = node.device.dictionary.data_type(address);
-                match encode(*number, data_type).or_else(|_| encode(*number, None)) {
-                    Ok(bytes) => bytes,
-                    Err(_) => return,
-                }
-            }
+/// Takes over the bus file: identifiers first, they also go before what its objects tell.
+pub(in crate::session) fn apply_given(cx: &mut Context<'_>) {
+    let options = Arc::clone(&cx.bus.options);
+    let name = Arc::clone(&cx.bus.name);
+    let owners: Vec<(CanId, Owner)> = options.bus_file.owners(&name).collect();
+    for (id, owner) in &owners {
+        let service = match owner {
+            Owner::Sdo(_, node) => given_channel(cx.bus, *node, &owners),
+            _ => None,
         };
-        // More objects than a node can have are a file no person wrote.
-        if Arc::make_mut(&mut node.store).set(address, &bytes, ORIGIN).is_ok() {
-            self.take_effect(id, address);
+        let service = match (owner, service) {
+            (Owner::Sdo(side, _), Some(channel)) => Service::Sdo(*side, channel),
+            _ => cx.bus.service_of(*owner),
+        };
+        cx.bus.routes.give(*id, service);
+    }
+    let pairs = Pairs::new(options.bus_file.uds(&name).cloned().collect());
+    for (id, link) in pairs.links() {
+        cx.bus.routes.name(id, link);
+    }
+    cx.bus.uds_pairs = Arc::new(pairs);
+    for (node, device, by) in given_devices(&options.assignments, &name) {
+        assign(node, &device, by, cx);
+    }
+    for (id, address, value) in options.bus_file.objects(&name) {
+        give_object(cx.bus, *id, *address, value);
+    }
+    give_areas(cx.bus, &options, &name);
+    for (id, conversion) in options.bus_file.conversions(&name) {
+        if let Some(node) = cx.bus.node_mut(id) {
+            node.j1939_state().conversion = Some(conversion);
         }
     }
-
-    /// A node's SDO channel with the identifiers given, by default where one side is not.
-    fn given_channel(&mut self, node: u8, owners: &[(CanId, Owner)]) -> Option<u16> {
-        let find = |side, base: u16| {
-            let given = owners.iter().find(|(_, owner)| *owner == Owner::Sdo(side, node));
-            given.map_or(CanId::standard(base + u16::from(node)), |(id, _)| *id)
-        };
-        let (request, response) = (find(Side::Client, 0x600), find(Side::Server, 0x580));
-        self.channels.add(node, GIVEN_CHANNEL, request, response, None)
+    for (id, address, unit) in options.bus_file.units(&name) {
+        if let Some(node) = cx.bus.node_mut(*id) {
+            Arc::make_mut(&mut node.store).give_unit(*address, unit);
+        }
     }
+}
 
-    /// Bit rate in bit/s: the user's, else what the recorder told.
-    pub fn bit_rate(&self) -> Option<u32> {
-        self.options.bus_file.bit_rate(&self.name).or(self.told_rate)
+/// Slices what the bus file lists into PDOs of eight bytes, in order.
+fn give_areas(bus: &mut Bus, options: &SessionOptions, name: &str) {
+    for node in &mut bus.nodes {
+        let mut pdos = Vec::new();
+        for area in &node.device.areas {
+            let entries = options.bus_file.area(name, node.id, &area.name).unwrap_or_default();
+            let names = area.pdos.iter().filter_map(|name| name.parse().ok());
+            pdos.extend(names.zip(slices(entries)));
+        }
+        node.given_pdos = Arc::new(pdos);
     }
+}
 
-    /// Takes the bit rate the recorder tells.
-    pub fn hear_bit_rate(&mut self, rate: u32) {
-        self.told_rate = Some(rate);
+/// Takes a value the user gives; a number is as wide as its object.
+fn give_object(bus: &mut Bus, id: NodeId, address: ObjectAddress, value: &ObjectValue) {
+    const ORIGIN: Origin = Origin { kind: OriginKind::BusFile, frame: 0, time: None };
+    let Some(node) = bus.node_mut(id) else { return };
+    let bytes = match value {
+        ObjectValue::Bytes(bytes) => bytes.clone(),
+        ObjectValue::Number(number) => {
+            let data_type = node.device.dictionary.data_type(address);
+            match encode(*number, data_type).or_else(|_| encode(*number, None)) {
+                Ok(bytes) => bytes,
+                Err(_) => return,
+            }
+        }
+    };
+    // More objects than a node can have are a file no person wrote.
+    if Arc::make_mut(&mut node.store).set(address, &bytes, ORIGIN).is_ok() {
+        apply_object(bus, id, address);
     }
+}
+
+/// A node's SDO channel with the identifiers given, by default where one side is not.
+fn given_channel(bus: &mut Bus, node: u8, owners: &[(CanId, Owner)]) -> Option<u16> {
+    let find = |side, base: u16| {
+        let given = owners.iter().find(|(_, owner)| *owner == Owner::Sdo(side, node));
+        given.map_or(CanId::standard(base + u16::from(node)), |(id, _)| *id)
+    };
+    let (request, response) = (find(Side::Client, 0x600), find(Side::Server, 0x580));
+    bus.channels.add(node, GIVEN_CHANNEL, request, response, None)
 }
 
 /// The entries of an area in PDOs of eight bytes. One that does not fit the rest of a PDO goes on in the
@@ -147,15 +134,20 @@ mod tests {
     use crate::event::{Event, EventKind};
     use crate::frame::{BusIndex, Frame, Timestamp};
     use crate::profile::{PdoDirection, PdoName};
+    use crate::session::BusDecoder;
     use crate::session::SessionOptions;
     use crate::wire::canopen::ObjectAddress;
 
-    fn bus(text: &str) -> Bus {
+    fn bus(text: &str) -> BusDecoder {
         let bus_file = BusFile::parse(text).unwrap();
-        Bus::new(BusIndex(0), "can0", Arc::new(SessionOptions { bus_file, ..SessionOptions::default() }))
+        BusDecoder::new(
+            BusIndex(0),
+            "can0",
+            Arc::new(SessionOptions { bus_file, ..SessionOptions::default() }),
+        )
     }
 
-    fn events(bus: &mut Bus, frames: &[(CanId, &[u8])]) -> Vec<Event> {
+    fn events(bus: &mut BusDecoder, frames: &[(CanId, &[u8])]) -> Vec<Event> {
         let mut events = Vec::new();
         for (number, (id, data)) in (1..).zip(frames) {
             let mut frame = Frame::data_frame(*id, data);

@@ -7,7 +7,7 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use super::uds::Link;
+use crate::session::bus::Link;
 use crate::wire::NodeId;
 
 /// What has a deadline.

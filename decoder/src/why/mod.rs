@@ -28,7 +28,7 @@ pub use suggest::Suggestion;
 use crate::event::Event;
 use crate::frame::BusIndex;
 use crate::profile::Catalogue;
-use crate::session::{Bus, Node, Observer};
+use crate::session::{Bus, Buses, Node, Observer};
 use crate::wire::NodeId;
 use check::Ground;
 use watch::BusWatch;
@@ -124,7 +124,7 @@ impl Why {
     }
 
     /// The answer; `buses` are those of the decoder behind the last event.
-    pub fn report(mut self, buses: &[Bus], catalogue: &Catalogue) -> Report {
+    pub fn report(mut self, buses: Buses<'_>, catalogue: &Catalogue) -> Report {
         let moment = self.moment(buses);
         let (since, nodes, quiet) = match &moment {
             Some(moment) if !self.question.latest => {
@@ -156,7 +156,7 @@ impl Why {
     /// What to check, and the manual its sections are of.
     fn checks(
         &self,
-        buses: &[Bus],
+        buses: Buses<'_>,
         moment: Option<&Moment>,
         state: Option<&NodeState>,
     ) -> (Vec<Check>, String) {
@@ -178,7 +178,7 @@ impl Why {
     }
 
     /// The gravest moment of all buses; of several the first, or the latest if that is asked for.
-    fn moment(&mut self, buses: &[Bus]) -> Option<Moment> {
+    fn moment(&mut self, buses: Buses<'_>) -> Option<Moment> {
         let latest = self.question.latest;
         let found = self.buses.iter_mut().filter_map(|watch| {
             let bus = find(buses, watch.index()).filter(|bus| bus.doubt().is_none() || bus.is_j1939())?;
@@ -197,7 +197,7 @@ impl Why {
     /// How a node stands now, and what happened to it behind an event.
     fn now(
         &self,
-        buses: &[Bus],
+        buses: Buses<'_>,
         index: BusIndex,
         node: Option<NodeId>,
         behind: u64,
@@ -212,7 +212,7 @@ impl Why {
     }
 
     /// Without a fault: the node asked for, or all with a set point that does not act.
-    fn no_fault(&self, buses: &[Bus]) -> (Vec<Event>, Vec<NodeState>, Vec<Quiet>) {
+    fn no_fault(&self, buses: Buses<'_>) -> (Vec<Event>, Vec<NodeState>, Vec<Quiet>) {
         if let Some(chosen) = &self.question.chosen {
             let place = buses.iter().find(|bus| chosen.is_on(bus) && bus.node(chosen.node).is_some());
             let Some(bus) = place else { return (Vec::new(), Vec::new(), Vec::new()) };
@@ -228,7 +228,7 @@ impl Why {
     }
 
     /// Of the node at fault or asked for, else of all without a profile.
-    fn suggestions(&self, buses: &[Bus], node: Option<NodeId>, catalogue: &Catalogue) -> Vec<Suggestion> {
+    fn suggestions(&self, buses: Buses<'_>, node: Option<NodeId>, catalogue: &Catalogue) -> Vec<Suggestion> {
         let wanted = node.or(self.question.chosen.as_ref().map(|chosen| chosen.node));
         let mut found = Vec::new();
         let mut asked = 0;
@@ -246,7 +246,7 @@ impl Why {
     }
 
     /// The nodes there are, where the one asked for is not among them.
-    fn others(&self, buses: &[Bus]) -> Option<Vec<NodeId>> {
+    fn others(&self, buses: Buses<'_>) -> Option<Vec<NodeId>> {
         let chosen = self.question.chosen.as_ref()?;
         let there = || buses.iter().filter(|bus| chosen.is_on(bus));
         let is_there = there().any(|bus| bus.node(chosen.node).is_some_and(|node| node.last_seen().0 > 0));
@@ -273,6 +273,6 @@ fn is_believed(bus: &Bus, moment: Option<&Moment>) -> bool {
     }
 }
 
-fn find(buses: &[Bus], index: BusIndex) -> Option<&Bus> {
+fn find(buses: Buses<'_>, index: BusIndex) -> Option<&Bus> {
     buses.iter().find(|bus| bus.index() == index)
 }

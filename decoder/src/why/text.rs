@@ -9,7 +9,7 @@ use super::state::{NodeState, PointState};
 use super::{Report, Suggestion};
 use crate::event::{Certainty, Effective, Event, SetPoint};
 use crate::frame::{BusIndex, Timestamp};
-use crate::session::{Bus, GateState, GateStatus};
+use crate::session::{Bus, Buses, GateState, GateStatus};
 use crate::sink::escape;
 use crate::sink::text::{PdoLines, Text, TextOptions};
 use crate::wire::NodeId;
@@ -18,7 +18,7 @@ use crate::wire::NodeId;
 #[derive(Debug, Clone, Copy)]
 pub struct Setting<'a> {
     /// Buses of the decoder.
-    pub buses: &'a [Bus],
+    pub buses: Buses<'a>,
     /// Time of the first frame.
     pub first: Option<Timestamp>,
     /// The moment asked for, as people read it.

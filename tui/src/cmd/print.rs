@@ -16,7 +16,7 @@ use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::frame::BusIndex;
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::rules::{Engine, Judge, Setup};
-use cobscope_decoder::session::{Bus, Observer};
+use cobscope_decoder::session::{Bus, Buses, Observer};
 use cobscope_decoder::sink::csv::Csv;
 use cobscope_decoder::sink::csv_wide::{CsvWide, MOST_COLUMNS};
 use cobscope_decoder::sink::jsonl::Jsonl;
@@ -45,7 +45,7 @@ pub(super) struct Judging<'a> {
 }
 
 impl Judging<'_> {
-    pub(super) fn finish(self, buses: &[Bus]) {
+    pub(super) fn finish(self, buses: Buses<'_>) {
         if let Some(engine) = self.engine
             && !self.printer.is_done()
         {

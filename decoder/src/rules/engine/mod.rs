@@ -21,7 +21,7 @@ use crate::event::{Event, EventKind, FrameRange, Pdo, Protocol};
 use crate::finding::Findings;
 use crate::frame::Frame;
 use crate::query::KindSet;
-use crate::session::{Bus, Observer};
+use crate::session::{Bus, Buses, Observer};
 use crate::statistics::Quality;
 
 /// Frames from which the step of the stamps is known.
@@ -155,7 +155,7 @@ impl Engine {
     }
 
     /// The capture ended: closes what is open, and gives everything that was judged.
-    pub fn finish(mut self, buses: &[Bus], out: &mut dyn Observer) -> Findings {
+    pub fn finish(mut self, buses: Buses<'_>, out: &mut dyn Observer) -> Findings {
         for (judge, bus) in self.buses.iter_mut().zip(buses) {
             judge.all(bus, &mut self.ledger, |rule, context| rule.finish(context));
             self.ledger.close_all(bus);

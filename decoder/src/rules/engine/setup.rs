@@ -12,7 +12,7 @@ use crate::rules::declaration::Declaration;
 use crate::rules::expectation::Expectation;
 use crate::rules::general::declarations;
 use crate::rules::policy::Policy;
-use crate::session::Bus;
+use crate::session::Buses;
 
 /// Rules and expectations.
 #[derive(Debug, Clone)]
@@ -99,9 +99,9 @@ impl Setup {
     }
 
     /// Expectations about none of these buses, with the places of their rules and the bus they are about.
-    pub(super) fn expectations_elsewhere(&self, buses: &[Bus]) -> impl Iterator<Item = (u16, &str)> {
+    pub(super) fn expectations_elsewhere(&self, buses: Buses<'_>) -> impl Iterator<Item = (u16, &str)> {
         let all = self.expectations.iter().filter_map(|(place, one)| Some((*place, one.bus()?)));
-        all.filter(|(_, own)| buses.iter().all(|bus| bus.name() != *own))
+        all.filter(move |(_, own)| buses.iter().all(|bus| bus.name() != *own))
     }
 }
 

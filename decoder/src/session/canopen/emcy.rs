@@ -1,44 +1,56 @@
 //! EMCY: errors that come and go.
 
+use super::boot::{boot_cause, on_restart};
+use super::nmt::presume_state;
 use crate::event::{EmcyAction, Emergency, EventKind, StateCause};
 use crate::frame::Frame;
 use crate::profile::Device;
 use crate::profile::device::{Boot, Cleared, NmtName, Order};
-use crate::session::node::{LearntOrder, Node};
-use crate::session::{Bus, Observer};
+use crate::session::bus::{LearntOrder, Node};
+use crate::session::context::Context;
+use crate::session::device::on_emcy_code;
+use crate::session::machine::Machine;
+use crate::session::presence::mark_alive;
 use crate::wire::NodeId;
-use crate::wire::canopen::emcy::{self, ByteOrder, Emcy};
+use crate::wire::canopen::emcy::{self, ByteOrder, Emcy as Message};
 use crate::wire::canopen::{NmtState, ObjectAddress};
 
 /// Life guard or heartbeat error (CiA 301 §7.2.7.1, table 26), where a device has no code of its own.
 const LIFE_GUARD_ERROR: u16 = 0x8130;
 
-impl Bus {
-    pub(in crate::session) fn on_emcy(&mut self, id: NodeId, frame: &Frame, out: &mut dyn Observer) {
-        self.belief.saw_unsupported(id.number(), self.clock.now());
-        if !self.is_decoded(frame, out) {
+/// EMCY messages of all nodes; active errors and the learnt byte order are in the node.
+#[derive(Debug, Clone)]
+pub(in crate::session) struct Emcy;
+
+impl Machine for Emcy {
+    type Route<'a> = NodeId;
+    type Product = ();
+
+    fn on_frame(&mut self, id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
+        cx.bus.canopen.count_unsupported(id.number(), cx.bus.clock.now());
+        if !cx.is_decoded(frame) {
             return;
         }
-        let Some(node) = self.node_mut(id) else { return };
+        let Some(node) = cx.bus.node_mut(id) else { return };
         let (byte_order, byte_order_by) = byte_order(node, frame.data());
         let contradicted = node.contradicted.take();
         let message = match emcy::parse(frame.data(), byte_order) {
             Ok(message) => message,
-            Err(error) => return self.malformed(frame, id, error, "an error code has two bytes", out),
+            Err(error) => return cx.emit_malformed(frame, id, error, "an error code has two bytes"),
         };
         // A node that has no boot-up message shows its start here.
         let starts = node.device.nmt.boot == Boot::ReadyTelegram
-            && (message == Emcy::Ready || node.reset_frame.is_some());
-        let boot = starts.then(|| self.boot_cause(id));
-        self.heard(id, frame, out);
-        let Some(node) = self.node_mut(id) else { return };
+            && (message == Message::Ready || node.reset_frame.is_some());
+        let boot = starts.then(|| boot_cause(cx.bus, id));
+        mark_alive(id, frame, cx);
+        let Some(node) = cx.bus.node_mut(id) else { return };
         if starts {
             node.active_errors.clear();
         }
         let mut fits = true;
         let (code, register, vendor, vendor_length, action) = match message {
-            Emcy::Ready => (None, None, [0; 5], 0, EmcyAction::Ready),
-            Emcy::Error { code, register, vendor, vendor_length } => {
+            Message::Ready => (None, None, [0; 5], 0, EmcyAction::Ready),
+            Message::Error { code, register, vendor, vendor_length } => {
                 let action = if code == 0 { end_of_error(node, register) } else { EmcyAction::Raised };
                 if action == EmcyAction::Raised {
                     fits = node.raise(code);
@@ -61,50 +73,42 @@ impl Bus {
             alternative,
             boot,
         };
-        self.emit(frame, id, false, EventKind::Emcy(emergency), out);
+        cx.emit(frame, id, false, EventKind::Emcy(emergency));
         if !fits {
-            self.emit(frame, id, false, EventKind::Evicted { what: "active error", count: 1 }, out);
+            cx.emit(frame, id, false, EventKind::Evicted { what: "active error", count: 1 });
         }
-        self.say_contradiction(id, contradicted, frame, out);
+        emit_contradiction(id, contradicted, frame, cx);
         if let Some(cause) = boot {
-            self.restarted(id, cause, frame, out);
-            self.confirm_state(id, NmtState::PreOperational, StateCause::BootUp, frame, out);
+            on_restart(id, cause, frame, cx);
         }
         if let Some(code) = code {
-            self.error_moves_nmt(id, code, frame, out);
-            self.device_saw_emcy(id, code, frame, out);
+            apply_emcy_to_nmt(id, code, frame, cx);
+            on_emcy_code(id, code, frame, cx);
         }
     }
+}
 
-    fn say_contradiction(
-        &self,
-        id: NodeId,
-        object: Option<ObjectAddress>,
-        frame: &Frame,
-        out: &mut dyn Observer,
-    ) {
-        if let Some(object) = object {
-            let text = format!(
-                "node {id}: its EMCY codes contradict the value presumed for {object} since its restart"
-            );
-            self.note(frame, text, out);
-        }
+fn emit_contradiction(id: NodeId, object: Option<ObjectAddress>, frame: &Frame, cx: &mut Context<'_>) {
+    if let Some(object) = object {
+        let text =
+            format!("node {id}: its EMCY codes contradict the value presumed for {object} since its restart");
+        cx.emit_note(frame, text);
     }
+}
 
-    /// A node whose master stopped guarding leaves operational (CiA 301 §7.2.8.3.2.2, object 1029); some
-    /// errors of a device do so by its manual.
-    fn error_moves_nmt(&mut self, id: NodeId, code: u16, frame: &Frame, out: &mut dyn Observer) {
-        let Some(node) = self.node(id) else { return };
-        let is_life_guard = code == node.device.monitoring.life_guard_emcy.unwrap_or(LIFE_GUARD_ERROR);
-        let to = match node.device.error(code) {
-            Some(error) => error.nmt.map(NmtName::state),
-            None => is_life_guard.then_some(NmtState::PreOperational),
-        };
-        let operational = node.nmt.is_some_and(|nmt| nmt.state == NmtState::Operational);
-        let cause = if is_life_guard { StateCause::LifeGuard } else { StateCause::Emcy };
-        if let Some(to) = to.filter(|_| operational) {
-            self.presume_state(id, to, cause, frame, out);
-        }
+/// A node whose master stopped guarding leaves operational (CiA 301 §7.2.8.3.2.2, object 1029); some
+/// errors of a device do so by its manual.
+fn apply_emcy_to_nmt(id: NodeId, code: u16, frame: &Frame, cx: &mut Context<'_>) {
+    let Some(node) = cx.bus.node(id) else { return };
+    let is_life_guard = code == node.device.monitoring.life_guard_emcy.unwrap_or(LIFE_GUARD_ERROR);
+    let to = match node.device.error(code) {
+        Some(error) => error.nmt.map(NmtName::state),
+        None => is_life_guard.then_some(NmtState::PreOperational),
+    };
+    let operational = node.nmt.is_some_and(|nmt| nmt.state == NmtState::Operational);
+    let cause = if is_life_guard { StateCause::LifeGuard } else { StateCause::Emcy };
+    if let Some(to) = to.filter(|_| operational) {
+        presume_state(id, to, cause, frame, cx);
     }
 }
 
@@ -166,7 +170,7 @@ const fn opposite(order: ByteOrder) -> ByteOrder {
 /// Whether a message holds a code of the device other than 0000, read in this order.
 fn is_code(device: &Device, data: &[u8], order: ByteOrder) -> bool {
     match emcy::parse(data, order) {
-        Ok(Emcy::Error { code, .. }) => code != 0 && device.error(code).is_some(),
+        Ok(Message::Error { code, .. }) => code != 0 && device.error(code).is_some(),
         _ => false,
     }
 }

@@ -3,19 +3,19 @@
 use crate::event::EventKind;
 use crate::frame::Frame;
 use crate::profile;
-use crate::session::device::Announcement;
-use crate::session::{Bus, Observer};
+use crate::session::bus::Bus;
+use crate::session::context::Context;
+use crate::session::device::{Announcement, emit_announcement};
+use crate::session::machine::Machine;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::lss::{self, Content};
 
-/// What is known of the LSS exchange.
+/// The LSS exchange between master and slaves.
 #[derive(Debug, Clone, Default)]
-pub(in crate::session) struct LssState {
+pub(in crate::session) struct Lss {
     /// Node-ID asked for, until the slave accepts it.
     requested: Option<u8>,
-    /// Node-ID accepted, and the one before if it was inquired: in force from the next boot-up on.
-    accepted: Option<(Option<u8>, u8)>,
     /// Node-ID the slave answered to an inquiry: its present one.
     present: Option<u8>,
     /// A fast scan runs; its steps repeat.
@@ -41,58 +41,51 @@ struct BitRate {
     accepted: Option<u32>,
 }
 
-impl LssState {
-    /// The change of node-ID that was accepted, if it leads to `id`: from, to.
-    pub(in crate::session) fn take_accepted(&mut self, id: u8) -> Option<(Option<u8>, u8)> {
-        self.accepted.take_if(|(_, to)| *to == id)
-    }
-}
+impl Machine for Lss {
+    /// Whether the master sends the identifier.
+    type Route<'a> = bool;
+    type Product = ();
 
-impl Bus {
-    pub(in crate::session) fn on_lss(&mut self, from_master: bool, frame: &Frame, out: &mut dyn Observer) {
-        self.weigh_lss(from_master, frame);
-        if !self.is_decoded(frame, out) {
+    fn on_frame(&mut self, from_master: bool, frame: &Frame, cx: &mut Context<'_>) {
+        self.weigh(from_master, frame, cx.bus);
+        if !cx.is_decoded(frame) {
             return;
         }
         let message = match lss::parse(frame.data(), from_master) {
             Ok(message) => message,
-            Err(error) => return self.malformed(frame, None, error, "too short for its LSS command", out),
+            Err(error) => return cx.emit_malformed(frame, None, error, "too short for its LSS command"),
         };
         let is_scan_step = matches!(message.content, Content::FastScan { .. });
         let routine = if from_master {
-            std::mem::replace(&mut self.lss.scanning, is_scan_step) && is_scan_step
+            std::mem::replace(&mut self.scanning, is_scan_step) && is_scan_step
         } else {
-            self.lss.scanning
+            self.scanning
         };
         let kind = EventKind::Lss { command: message.command, from_master, content: message.content };
-        self.emit(frame, None, routine, kind, out);
-        self.follow_node_id(message, from_master, frame, out);
-        self.follow_bit_rate(message, from_master, frame, out);
+        cx.emit(frame, None, routine, kind);
+        self.follow_node_id(message, from_master, frame, cx);
+        self.follow_bit_rate(message, from_master, frame, cx);
     }
+}
 
+impl Lss {
     /// What the bus goes to when the master activates what it configured (CiA 305 §3.9.3.2).
-    fn follow_bit_rate(
-        &mut self,
-        message: lss::Lss,
-        from_master: bool,
-        frame: &Frame,
-        out: &mut dyn Observer,
-    ) {
+    fn follow_bit_rate(&mut self, message: lss::Lss, from_master: bool, frame: &Frame, cx: &mut Context<'_>) {
         match (message.content, from_master) {
             (Content::BitTiming { table: 0, entry }, true) => {
-                self.lss.bit_rate.asked = profile::lss().bit_rate(entry);
+                self.bit_rate.asked = profile::lss().bit_rate(entry);
             }
             (Content::Result { code: 0, .. }, false) if message.command == BIT_TIMING => {
-                self.lss.bit_rate.accepted = self.lss.bit_rate.asked.take();
+                self.bit_rate.accepted = self.bit_rate.asked.take();
             }
             (Content::Delay(delay), true) => {
-                if let Some(rate) = self.lss.bit_rate.accepted.take() {
+                if let Some(rate) = self.bit_rate.accepted.take() {
                     // Silence for the delay before the switch, and for the delay again after it.
                     let text =
                         format!("bus goes to {rate} kbit/s after {delay} ms, no frame for {delay} ms more");
                     let change =
                         Announcement { procedure: "bit-rate change", word: "RATE", finished: false, text };
-                    self.announce(None, change, frame, out);
+                    emit_announcement(None, change, frame, cx);
                 }
             }
             _ => {}
@@ -101,26 +94,26 @@ impl Bus {
 
     /// An answer that fits the question is evidence of CANopen. Cars use these identifiers for UDS, whose
     /// first bytes are small, so only the commands from 0x40 on count.
-    fn weigh_lss(&mut self, from_master: bool, frame: &Frame) {
+    fn weigh(&mut self, from_master: bool, frame: &Frame, bus: &mut Bus) {
         let command = frame.data().first().copied().filter(|_| frame.length == 8);
         if from_master {
-            self.lss.asked = command;
+            self.asked = command;
             return;
         }
-        let fits = match (self.lss.asked, command) {
+        let fits = match (self.asked, command) {
             (Some(0x43), Some(0x44)) | (Some(0x4B | 0x51), Some(0x4F)) | (Some(0x4C), Some(0x50)) => true,
             (Some(asked @ 0x5A..=0x5E), Some(answer)) => asked == answer,
             _ => false,
         };
         if fits {
-            self.belief.support();
+            bus.canopen.add_evidence();
         }
     }
 
     /// The node that said these numbers of itself (1018): all that are known must fit, the serial number
     /// must be known.
-    fn node_of_address(&self, address: [Option<u32>; 4]) -> Option<u8> {
-        let mut fitting = self.nodes().filter(|node| {
+    fn node_of_address(bus: &Bus, address: [Option<u32>; 4]) -> Option<u8> {
+        let mut fitting = bus.nodes().filter(|node| {
             let told = |sub: u8| node.store().number(ObjectAddress::new(0x1018, sub));
             let same =
                 |(sub, number): (u8, Option<u32>)| told(sub).is_none() || told(sub) == number.map(u64::from);
@@ -130,39 +123,33 @@ impl Bus {
     }
 
     /// Remembers a node-ID that is inquired, asked for, accepted.
-    fn follow_node_id(
-        &mut self,
-        message: lss::Lss,
-        from_master: bool,
-        frame: &Frame,
-        out: &mut dyn Observer,
-    ) {
+    fn follow_node_id(&mut self, message: lss::Lss, from_master: bool, frame: &Frame, cx: &mut Context<'_>) {
         match (message.content, from_master) {
             (Content::Number(number), true) => {
                 if let Some(slot) = message
                     .command
                     .checked_sub(SELECTIVE)
-                    .and_then(|at| self.lss.address.get_mut(usize::from(at)))
+                    .and_then(|at| self.address.get_mut(usize::from(at)))
                 {
                     *slot = Some(number);
                 }
             }
             (Content::Nothing, false) if message.command == SELECTED => {
-                self.lss.present = self.node_of_address(self.lss.address);
+                self.present = Self::node_of_address(cx.bus, self.address);
             }
-            (Content::Mode(_), true) => self.lss.address = [None; 4],
-            (Content::NodeId(id), true) => self.lss.requested = Some(id),
-            (Content::NodeId(id), false) => self.lss.present = Some(id),
+            (Content::Mode(_), true) => self.address = [None; 4],
+            (Content::NodeId(id), true) => self.requested = Some(id),
+            (Content::NodeId(id), false) => self.present = Some(id),
             (Content::Result { code: 0, .. }, false) if message.command == 0x11 => {
                 // One that has none says so (255); other numbers are no node-IDs (CiA 305: 1 to 127, 255).
-                let from = self.lss.present.take().filter(|id| (1..=127).contains(id));
-                let to = self.lss.requested.take().filter(|to| (1..=127).contains(to));
-                self.lss.accepted = to.filter(|to| from != Some(*to)).map(|to| (from, to));
-                if let Some((from, to)) = self.lss.accepted {
+                let from = self.present.take().filter(|id| (1..=127).contains(id));
+                let to = self.requested.take().filter(|to| (1..=127).contains(to));
+                cx.bus.node_id_changes.by_lss = to.filter(|to| from != Some(*to)).map(|to| (from, to));
+                if let Some((from, to)) = cx.bus.node_id_changes.by_lss {
                     let text = format!("node-ID {to} after its next start");
                     let change =
                         Announcement { procedure: "node-ID change", word: "IDENT", finished: false, text };
-                    self.announce(from.map(NodeId::Canopen), change, frame, out);
+                    emit_announcement(from.map(NodeId::Canopen), change, frame, cx);
                 }
             }
             _ => {}

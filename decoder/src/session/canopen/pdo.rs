@@ -2,38 +2,42 @@
 
 use std::sync::Arc;
 
-use super::layout::layout;
-use crate::event::{Event, EventKind, FrameRange, Pdo, Protocol};
+use super::nmt::confirm_operational_by_pdo;
+use crate::event::{Event, EventKind, FrameRange, Pdo as PdoEvent, Protocol};
 use crate::frame::{Frame, FrameFlags, MAX_DATA};
 use crate::profile::{Carrier, PdoDirection, PdoName};
-use crate::session::device::{Plan, Planned, Recent};
-use crate::session::{Bus, Observer};
+use crate::session::bus::{Plan, Planned, Recent, layout};
+use crate::session::context::Context;
+use crate::session::device::on_values;
+use crate::session::machine::Machine;
+use crate::session::presence::mark_alive;
 use crate::wire::NodeId;
 
-impl Bus {
+/// PDOs of all nodes; the last one of each identifier is in its slot.
+#[derive(Debug, Clone)]
+pub(in crate::session) struct Pdo;
+
+impl Machine for Pdo {
+    /// Slot of the identifier, name of the PDO, its node.
+    type Route<'a> = (usize, PdoName, NodeId);
+    type Product = ();
+
     #[inline]
-    pub(in crate::session) fn on_pdo(
-        &mut self,
-        slot: usize,
-        name: PdoName,
-        id: NodeId,
-        frame: &Frame,
-        out: &mut dyn Observer,
-    ) {
-        let believed = self.belief.is_believed();
+    fn on_frame(&mut self, (slot, name, id): (usize, PdoName, NodeId), frame: &Frame, cx: &mut Context<'_>) {
+        let believed = cx.bus.canopen.is_confirmed();
         if !believed {
-            self.belief.saw_unsupported(id.number(), self.clock.now());
-            if !self.is_decoded(frame, out) {
+            cx.bus.canopen.count_unsupported(id.number(), cx.bus.clock.now());
+            if !cx.is_decoded(frame) {
                 return;
             }
         }
-        self.clock.saw_periodic();
+        cx.bus.clock.saw_periodic();
         let is_request = frame.flags.contains(FrameFlags::REMOTE);
         if name.direction == PdoDirection::Transmit && !is_request {
-            self.pdo_heard(id, frame, out);
+            mark_producer_alive(id, frame, cx);
         }
-        let Some(entry) = self.routes.slot_mut(slot) else { return };
-        let Some(event) = &mut entry.prepared else { return self.first_pdo(slot, name, id, frame, out) };
+        let Some(entry) = cx.bus.routes.slot_mut(slot) else { return };
+        let Some(event) = &mut entry.prepared else { return first_pdo(slot, name, id, frame, cx) };
         let EventKind::Pdo(pdo) = &mut event.kind else { return };
         let change = if pdo.is_request == is_request { difference(pdo, frame) } else { Some(u64::MAX) };
         let same = change.is_none();
@@ -49,81 +53,77 @@ impl Bus {
         if let Some(planned) = &mut entry.plan {
             matters = planned.plan.triggers || change.is_some_and(|change| change & planned.plan.mask != 0);
             if planned.plan.commands {
-                planned.recent.push(frame.number, self.clock.now());
+                planned.recent.push(frame.number, cx.bus.clock.now());
             }
         }
-        if let Some(event) = self.routes.slot(slot).and_then(|entry| entry.prepared.as_deref()) {
-            out.event(event, self);
-        }
+        cx.send_prepared(slot);
         if matters {
-            self.device_saw(slot, (&Carrier::Pdo(name), name.direction), id, frame, out);
+            on_values(slot, (&Carrier::Pdo(name), name.direction), id, frame, cx);
         }
     }
+}
 
-    #[inline]
-    fn pdo_heard(&mut self, id: NodeId, frame: &Frame, out: &mut dyn Observer) {
-        let now = self.clock.now();
-        let Some(node) = self.node_mut(id) else { return };
-        if node.attention {
-            self.heard(id, frame, out);
-            self.pdo_shows_state(id, frame, out);
-            return;
-        }
-        node.last_frame = frame.number;
-        node.last_seen = frame.time;
-        node.last_heard = now;
+#[inline]
+fn mark_producer_alive(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
+    let now = cx.bus.clock.now();
+    let Some(node) = cx.bus.node_mut(id) else { return };
+    if node.attention {
+        mark_alive(id, frame, cx);
+        confirm_operational_by_pdo(id, frame, cx);
+        return;
     }
+    node.last_frame = frame.number;
+    node.last_seen = frame.time;
+    node.last_heard = now;
+}
 
-    #[cold]
-    fn first_pdo(&mut self, slot: usize, name: PdoName, id: NodeId, frame: &Frame, out: &mut dyn Observer) {
-        let mut bytes = [0; MAX_DATA];
-        copy_payload(&mut bytes, frame);
-        let node = self.node(id);
-        let layout = node.and_then(|node| layout(node, name)).map(Arc::new);
-        // A mapping that is learnt later counts from then on.
-        let layout = layout.or_else(|| self.described(frame).map(|message| Arc::clone(&message.layout)));
-        let plan = match (node.filter(|node| node.assigned.is_some()), &layout) {
-            (Some(node), Some(layout)) => Plan::of(&node.device, &Carrier::Pdo(name), name.direction, layout),
-            _ => None,
-        };
-        let pdo = Pdo {
-            name,
-            cob_id: frame.id,
-            is_request: frame.flags.contains(FrameFlags::REMOTE),
-            length: frame.length,
-            bytes,
-            layout,
-        };
-        let event = Event {
-            time: frame.time,
-            bus: self.index,
-            frames: FrameRange::one(frame.number),
-            protocol: Protocol::Canopen,
-            node: Some(id),
-            presumed: !self.belief.is_believed(),
-            routine: false,
-            kind: EventKind::Pdo(pdo),
-        };
-        let now = self.clock.now();
-        if let Some(entry) = self.routes.slot_mut(slot) {
-            entry.prepared = Some(Box::new(event));
-            entry.plan = plan.map(|plan| {
-                let mut recent = Recent::default();
-                recent.push(frame.number, now);
-                Box::new(Planned { plan: Arc::new(plan), recent })
-            });
-        }
-        if let Some(event) = self.routes.slot(slot).and_then(|entry| entry.prepared.as_deref()) {
-            out.event(event, self);
-        }
-        self.device_saw(slot, (&Carrier::Pdo(name), name.direction), id, frame, out);
+#[cold]
+fn first_pdo(slot: usize, name: PdoName, id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
+    let mut bytes = [0; MAX_DATA];
+    copy_payload(&mut bytes, frame);
+    let node = cx.bus.node(id);
+    let layout = node.and_then(|node| layout(node, name)).map(Arc::new);
+    // A mapping that is learnt later counts from then on.
+    let layout = layout.or_else(|| cx.described_message(frame).map(|message| Arc::clone(&message.layout)));
+    let plan = match (node.filter(|node| node.assigned.is_some()), &layout) {
+        (Some(node), Some(layout)) => Plan::of(&node.device, &Carrier::Pdo(name), name.direction, layout),
+        _ => None,
+    };
+    let pdo = PdoEvent {
+        name,
+        cob_id: frame.id,
+        is_request: frame.flags.contains(FrameFlags::REMOTE),
+        length: frame.length,
+        bytes,
+        layout,
+    };
+    let event = Event {
+        time: frame.time,
+        bus: cx.bus.index,
+        frames: FrameRange::one(frame.number),
+        protocol: Protocol::Canopen,
+        node: Some(id),
+        presumed: !cx.bus.canopen.is_confirmed(),
+        routine: false,
+        kind: EventKind::Pdo(pdo),
+    };
+    let now = cx.bus.clock.now();
+    if let Some(entry) = cx.bus.routes.slot_mut(slot) {
+        entry.prepared = Some(Box::new(event));
+        entry.plan = plan.map(|plan| {
+            let mut recent = Recent::default();
+            recent.push(frame.number, now);
+            Box::new(Planned { plan: Arc::new(plan), recent })
+        });
     }
+    cx.send_prepared(slot);
+    on_values(slot, (&Carrier::Pdo(name), name.direction), id, frame, cx);
 }
 
 /// The bits in which a frame of the same kind differs from the one before, all for another length; `None`
 /// if it repeats it. Up to eight bytes are compared in one register.
 #[inline]
-fn difference(pdo: &Pdo, frame: &Frame) -> Option<u64> {
+fn difference(pdo: &PdoEvent, frame: &Frame) -> Option<u64> {
     if pdo.length != frame.length {
         return Some(u64::MAX);
     }

@@ -1,93 +1,92 @@
 //! Bits and modes by name.
 
-use super::behaviour::Changed;
+use super::changed::Changed;
 use crate::event::{BitsChanged, EventKind, ModeChange};
 use crate::frame::Frame;
 use crate::profile::BitName;
 use crate::profile::device::Machine;
 use crate::profile::{Device, PdoDirection, PdoName, Role};
-use crate::session::{Bus, Observer};
+use crate::session::bus::Bus;
+use crate::session::bus::layout;
+use crate::session::context::Context;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
-impl Bus {
-    /// Bits of a word changed; those of a state machine are told as its states.
-    pub(super) fn bits_changed(&self, changed: &Changed<'_>, frame: &Frame, out: &mut dyn Observer) {
-        let Some(bits) = changed.meaning.bits.as_deref() else { return };
-        let own = machine_bits(changed.device, changed.object);
-        let mut event = BitsChanged {
-            object: changed.object,
-            name: changed.meaning.short.clone().unwrap_or_else(|| changed.meaning.name.clone()),
-            channel: changed.meaning.channel,
-            set: Vec::new(),
-            cleared: Vec::new(),
-            words: Vec::new(),
-        };
-        for bit in bits.list.iter().filter(|bit| !bit.reserved && own >> bit.bit & 1 == 0) {
-            let now = bit.of(changed.raw);
-            // What was before the first sight counts as clear.
-            if now != changed.before.map_or(0, |before| bit.of(before)) {
-                tell(bit, now, &mut event);
-            }
-        }
-        if !event.set.is_empty() || !event.cleared.is_empty() {
-            self.emit(frame, changed.id, false, EventKind::BitsChanged(Box::new(event)), out);
+/// Bits of a word changed; those of a state machine are told as its states.
+pub(in crate::session) fn bits_changed(changed: &Changed<'_>, frame: &Frame, cx: &mut Context<'_>) {
+    let Some(bits) = changed.meaning.bits.as_deref() else { return };
+    let own = machine_bits(changed.device, changed.object);
+    let mut event = BitsChanged {
+        object: changed.object,
+        name: changed.meaning.short.clone().unwrap_or_else(|| changed.meaning.name.clone()),
+        channel: changed.meaning.channel,
+        set: Vec::new(),
+        cleared: Vec::new(),
+        words: Vec::new(),
+    };
+    for bit in bits.list.iter().filter(|bit| !bit.reserved && own >> bit.bit & 1 == 0) {
+        let now = bit.of(changed.raw);
+        // What was before the first sight counts as clear.
+        if now != changed.before.map_or(0, |before| bit.of(before)) {
+            tell(bit, now, &mut event);
         }
     }
+    if !event.set.is_empty() || !event.cleared.is_empty() {
+        cx.emit(frame, changed.id, false, EventKind::BitsChanged(Box::new(event)));
+    }
+}
 
-    /// A mode of operation may be another one.
-    pub(super) fn mode_seen(
-        &mut self,
-        id: NodeId,
-        object: ObjectAddress,
-        frame: &Frame,
-        out: &mut dyn Observer,
-    ) {
-        let Some(node) = self.node(id) else { return };
-        let Some(meaning) = node.meaning(object) else { return };
-        let Some(entry) = node.store.get(object) else { return };
-        let value = meaning.decode(&entry.value);
-        let Some(number) = crate::profile::integer(&value) else { return };
-        let known = node.behaviour.modes.iter().find(|(known, _)| *known == object).map(|(_, mode)| *mode);
-        if known == Some(number) {
-            return;
-        }
-        let title = |number: i64| {
-            let name = meaning.values.as_deref().and_then(|values| values.get(number));
-            name.map_or_else(|| number.to_string(), |name| format!("{number} {name}"))
-        };
-        let event = ModeChange {
-            object,
-            name: meaning.name.clone(),
-            channel: meaning.channel,
-            from: known.map(title),
-            to: title(number),
-            consequence: self.set_points_under_mode(id, object),
-        };
-        if let Some(node) = self.node_mut(id) {
-            node.behaviour.modes.retain(|(known, _)| *known != object);
-            node.behaviour.modes.push((object, number));
-        }
-        self.emit(frame, id, false, EventKind::Mode(Box::new(event)), out);
+/// A mode of operation may be another one.
+pub(in crate::session) fn update_mode(
+    id: NodeId,
+    object: ObjectAddress,
+    frame: &Frame,
+    cx: &mut Context<'_>,
+) {
+    let Some(node) = cx.bus.node(id) else { return };
+    let Some(meaning) = node.meaning(object) else { return };
+    let Some(entry) = node.store.get(object) else { return };
+    let value = meaning.decode(&entry.value);
+    let Some(number) = crate::profile::integer(&value) else { return };
+    let known = node.behaviour.modes.iter().find(|(known, _)| *known == object).map(|(_, mode)| *mode);
+    if known == Some(number) {
+        return;
     }
+    let title = |number: i64| {
+        let name = meaning.values.as_deref().and_then(|values| values.get(number));
+        name.map_or_else(|| number.to_string(), |name| format!("{number} {name}"))
+    };
+    let event = ModeChange {
+        object,
+        name: meaning.name.clone(),
+        channel: meaning.channel,
+        from: known.map(title),
+        to: title(number),
+        consequence: set_points_under_mode(cx.bus, id, object),
+    };
+    if let Some(node) = cx.bus.node_mut(id) {
+        node.behaviour.modes.retain(|(known, _)| *known != object);
+        node.behaviour.modes.push((object, number));
+    }
+    cx.emit(frame, id, false, EventKind::Mode(Box::new(event)));
+}
 
-    /// `word 2 Q in l/min, word 3 p in bar`: what a mode makes of the first RPDO.
-    fn set_points_under_mode(&self, id: NodeId, mode: ObjectAddress) -> String {
-        const FIRST: PdoName = PdoName { direction: PdoDirection::Receive, number: 1 };
-        let Some(node) = self.node(id) else { return String::new() };
-        let Some(layout) = crate::session::canopen::layout(node, FIRST) else { return String::new() };
-        if !layout.depends.contains(&mode) {
-            return String::new();
-        }
-        let mut resolver = node.resolver();
-        let words = layout.fields.iter().filter_map(|field| {
-            let meaning = resolver.meaning(field.object()?).filter(|it| it.role == Some(Role::SetPoint))?;
-            let unit = if meaning.unit.is_empty() { "raw" } else { &meaning.unit };
-            let name = meaning.short.as_ref().unwrap_or(&meaning.name);
-            Some(format!("word {} {name} in {unit}", field.bit / 16 + 1))
-        });
-        words.collect::<Vec<_>>().join(", ")
+/// `word 2 Q in l/min, word 3 p in bar`: what a mode makes of the first RPDO.
+fn set_points_under_mode(bus: &Bus, id: NodeId, mode: ObjectAddress) -> String {
+    const FIRST: PdoName = PdoName { direction: PdoDirection::Receive, number: 1 };
+    let Some(node) = bus.node(id) else { return String::new() };
+    let Some(layout) = layout(node, FIRST) else { return String::new() };
+    if !layout.depends.contains(&mode) {
+        return String::new();
     }
+    let mut resolver = node.resolver();
+    let words = layout.fields.iter().filter_map(|field| {
+        let meaning = resolver.meaning(field.object()?).filter(|it| it.role == Some(Role::SetPoint))?;
+        let unit = if meaning.unit.is_empty() { "raw" } else { &meaning.unit };
+        let name = meaning.short.as_ref().unwrap_or(&meaning.name);
+        Some(format!("word {} {name} in {unit}", field.bit / 16 + 1))
+    });
+    words.collect::<Vec<_>>().join(", ")
 }
 
 /// Bits of an object that are told as states of a machine.

@@ -1,26 +1,14 @@
-//! What a node is, and what follows from it.
+//! What a device does by its manual: states, set points, procedures, bits and modes.
 
-mod assign;
 mod behaviour;
 mod bits;
-mod conflict;
-mod delivered;
-mod facts;
-mod gates;
-mod identity;
+mod changed;
 mod machine;
-mod plan;
 mod procedure;
-mod restart;
 mod set_point;
-mod standing;
-mod values;
 
-pub(super) use assign::given_devices;
-pub(super) use behaviour::Behaviour;
-pub(super) use conflict::Conflicts;
-pub use gates::GateState;
-pub(super) use plan::{Plan, Planned, Recent};
-pub(super) use procedure::Announcement;
-pub(super) use restart::Restart;
-pub use standing::{Sign, StandingPoint, Watch};
+pub(in crate::session) use behaviour::{
+    on_device_restart, on_emcy_code, on_nmt_service, on_object_transfer, on_trouble_code, on_values,
+};
+pub(in crate::session) use procedure::{Announcement, emit_announcement};
+pub(in crate::session) use set_point::{Devices, reassess_set_points};

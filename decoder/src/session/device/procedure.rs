@@ -2,8 +2,7 @@
 
 use std::sync::Arc;
 
-use super::behaviour::Moment;
-use super::gates::Subject;
+use super::set_point::reassess_set_points;
 use crate::event::{EventKind, ProcedureEvent};
 use crate::frame::Frame;
 use crate::profile::device::{
@@ -11,26 +10,14 @@ use crate::profile::device::{
     evaluate_all,
 };
 use crate::profile::{Carrier, Role, integer};
-use crate::session::node::Node;
-use crate::session::store::OriginKind;
-use crate::session::{Bus, Observer};
+use crate::session::bus::{Bus, Moment, OriginKind, Running, Subject};
+use crate::session::context::Context;
+use crate::session::objects::{mark_stale, set_fallback};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
 /// Procedures of a node that run at once.
 const MOST_RUNNING: usize = 32;
-
-/// A procedure that runs.
-#[derive(Debug, Clone)]
-pub(in crate::session) struct Running {
-    /// Place in the device's list.
-    place: usize,
-    started: Moment<()>,
-    /// The step told last.
-    step: Option<usize>,
-    /// Messages in a row that met the conditions of what it waits for.
-    streak: u8,
-}
 
 /// A change of node-ID or bit rate.
 pub(in crate::session) struct Announcement {
@@ -40,330 +27,299 @@ pub(in crate::session) struct Announcement {
     pub(in crate::session) text: String,
 }
 
-impl Node {
-    /// Name of a running procedure that takes the set points over.
-    pub(super) fn takes_over(&self, running: &Running) -> Option<&str> {
-        let procedure = self.device.procedures.get(running.place)?;
-        procedure.takes_over.then_some(procedure.name.as_str())
-    }
-
-    /// Procedures that run.
-    pub fn procedures(&self) -> impl Iterator<Item = &Procedure> {
-        self.behaviour.running.iter().filter_map(|running| self.device.procedures.get(running.place))
+/// Something happened that procedures may wait for.
+pub(in crate::session) fn advance_procedures(
+    id: NodeId,
+    event: &TriggerEvent<'_>,
+    frame: &Frame,
+    cx: &mut Context<'_>,
+) {
+    let Some(device) = cx.bus.node(id).map(|node| Arc::clone(&node.device)) else { return };
+    for (place, procedure) in device.procedures.iter().enumerate() {
+        advance_procedure(id, (place, procedure), &|trigger| is_awaited(trigger, event), frame, cx);
     }
 }
 
-impl Bus {
-    /// Something happened that procedures may wait for.
-    pub(super) fn procedures_saw(
-        &mut self,
-        id: NodeId,
-        event: &TriggerEvent<'_>,
-        frame: &Frame,
-        out: &mut dyn Observer,
-    ) {
-        let Some(device) = self.node(id).map(|node| Arc::clone(&node.device)) else { return };
-        for (place, procedure) in device.procedures.iter().enumerate() {
-            self.procedure_saw(id, (place, procedure), &|trigger| is_awaited(trigger, event), frame, out);
+fn advance_procedure(
+    id: NodeId,
+    (place, procedure): (usize, &Procedure),
+    happened: &dyn Fn(&Trigger) -> bool,
+    frame: &Frame,
+    cx: &mut Context<'_>,
+) {
+    let running = cx
+        .bus
+        .node(id)
+        .is_some_and(|node| node.behaviour.running.iter().any(|running| running.place == place));
+    if !running {
+        if happened(&procedure.start) {
+            start_procedure(id, place, procedure, frame, cx);
+        }
+        return;
+    }
+    let is = |trigger: &Option<Trigger>| trigger.as_ref().is_some_and(happened);
+    if is(&procedure.stop) {
+        finish_procedure(id, place, procedure, ProcedureStatus::Stopped, "", frame, cx);
+    } else if is(&procedure.end) {
+        finish_procedure(id, place, procedure, ProcedureStatus::Ok, "", frame, cx);
+    } else if is(&procedure.also_end) {
+        let text = "how it ended is in its status";
+        finish_procedure(id, place, procedure, ProcedureStatus::Ended, text, frame, cx);
+    } else if let Some(step) = procedure.steps.iter().position(|step| happened(&step.on)) {
+        enter_step(id, place, procedure, step, frame, cx);
+    }
+}
+
+/// A PDO or message came that procedures may wait for, several times in a row and under conditions.
+pub(in crate::session) fn advance_procedures_by_message(
+    id: NodeId,
+    carrier: &Carrier,
+    frame: &Frame,
+    cx: &mut Context<'_>,
+) {
+    let Some(device) = cx.bus.node(id).map(|node| Arc::clone(&node.device)) else { return };
+    let now = cx.bus.clock.now();
+    let subject = Subject { object: ObjectAddress::default(), channel: None, carrier };
+    let event = carrier.into();
+    for (place, procedure) in device.procedures.iter().enumerate() {
+        let Some(node) = cx.bus.node(id) else { return };
+        let facts = node.facts_of(subject, now);
+        let is_met = |trigger: &&Trigger| {
+            trigger.is_met_by(&event) && evaluate_all(trigger.when(), &facts, None) == GateStatus::Open
+        };
+        let mut met: Vec<&Trigger> = procedure.triggers().filter(is_met).collect();
+        if met.is_empty() && !procedure.triggers().any(|trigger| trigger.is_met_by(&event)) {
+            continue;
+        }
+        let streak = count_streak(cx.bus, id, place, !met.is_empty());
+        met.retain(|trigger| trigger.times() <= streak);
+        advance_procedure(id, (place, procedure), &|trigger| met.contains(&trigger), frame, cx);
+    }
+}
+
+/// How often in a row a running procedure saw what it waits for.
+fn count_streak(bus: &mut Bus, id: NodeId, place: usize, again: bool) -> u8 {
+    let node = bus.node_mut(id);
+    let running = node.and_then(|node| node.behaviour.running.iter_mut().find(|it| it.place == place));
+    running.map_or(1, |running| {
+        running.streak = if again { running.streak.saturating_add(1) } else { 0 };
+        running.streak
+    })
+}
+
+fn start_procedure(id: NodeId, place: usize, procedure: &Procedure, frame: &Frame, cx: &mut Context<'_>) {
+    let time = cx.bus.clock.now();
+    let range = procedure.invalidates.clone();
+    mark_stale(cx.bus, id, |object| range.iter().any(|range| range.covers(object, 0, 0)));
+    if procedure.instant {
+        let event = described(procedure, "finished", ProcedureStatus::Ok);
+        return cx.emit(frame, id, false, EventKind::Procedure(Box::new(event)));
+    }
+    let Some(node) = cx.bus.node_mut(id) else { return };
+    if node.behaviour.running.len() >= MOST_RUNNING {
+        node.behaviour.running.remove(0);
+    }
+    let started = Moment { what: (), frame: frame.number, time };
+    node.behaviour.running.push(Running { place, started, step: None, streak: 0 });
+    let mut event = described(procedure, "started", ProcedureStatus::Running);
+    event.text = unmet_preconditions(cx.bus, id, procedure);
+    cx.emit(frame, id, false, EventKind::Procedure(Box::new(event)));
+    if procedure.takes_over {
+        reassess_set_points(id, frame, cx);
+    }
+}
+
+/// Preconditions that the bus shows not to hold.
+fn unmet_preconditions(bus: &Bus, id: NodeId, procedure: &Procedure) -> String {
+    let Some(node) = bus.node(id) else { return String::new() };
+    let facts = node.facts(bus.clock.now());
+    let is_unmet = |need: &&Condition| need.evaluate(&facts, None) == GateStatus::Closed;
+    let unmet = procedure.needs.iter().filter(is_unmet);
+    let unmet: Vec<_> = unmet.map(|need| facts.detail(need, None, GateStatus::Closed)).collect();
+    if unmet.is_empty() { String::new() } else { format!("precondition not met: {}", unmet.join(", ")) }
+}
+
+fn enter_step(
+    id: NodeId,
+    place: usize,
+    procedure: &Procedure,
+    step: usize,
+    frame: &Frame,
+    cx: &mut Context<'_>,
+) {
+    let now = cx.bus.clock.now();
+    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(running) = node.behaviour.running.iter_mut().find(|it| it.place == place) else { return };
+    if running.step.replace(step) == Some(step) {
+        return;
+    }
+    let duration = now.saturating_sub(running.started.time);
+    let Some(name) = procedure.steps.get(step).map(|step| step.step.as_str()) else { return };
+    let mut event = described(procedure, name, ProcedureStatus::Running);
+    event.duration = cx.bus.clock.runs().then_some(duration);
+    cx.emit(frame, id, false, EventKind::Procedure(Box::new(event)));
+}
+
+#[expect(clippy::too_many_arguments, reason = "what ended, how, where")]
+fn finish_procedure(
+    id: NodeId,
+    place: usize,
+    procedure: &Procedure,
+    status: ProcedureStatus,
+    text: &str,
+    frame: &Frame,
+    cx: &mut Context<'_>,
+) {
+    let now = cx.bus.clock.now();
+    let Some(node) = cx.bus.node_mut(id) else { return };
+    let found = node.behaviour.running.iter().position(|running| running.place == place);
+    let started = found.map(|found| node.behaviour.running.remove(found).started);
+    let mut event = described(procedure, "finished", status);
+    let duration = started.map(|started| now.saturating_sub(started.time));
+    event.duration = duration.filter(|_| cx.bus.clock.runs());
+    text.clone_into(&mut event.text);
+    cx.emit(frame, id, false, EventKind::Procedure(Box::new(event)));
+    if status == ProcedureStatus::Error {
+        for fallback in &procedure.on_error {
+            set_fallback(cx.bus, id, fallback.object.object, fallback.becomes, frame);
         }
     }
-
-    fn procedure_saw(
-        &mut self,
-        id: NodeId,
-        (place, procedure): (usize, &Procedure),
-        happened: &dyn Fn(&Trigger) -> bool,
-        frame: &Frame,
-        out: &mut dyn Observer,
-    ) {
-        let running = self
-            .node(id)
-            .is_some_and(|node| node.behaviour.running.iter().any(|running| running.place == place));
-        if !running {
-            if happened(&procedure.start) {
-                self.start(id, place, procedure, frame, out);
-            }
-            return;
-        }
-        let is = |trigger: &Option<Trigger>| trigger.as_ref().is_some_and(happened);
-        if is(&procedure.stop) {
-            self.finish_procedure(id, place, procedure, ProcedureStatus::Stopped, "", frame, out);
-        } else if is(&procedure.end) {
-            self.finish_procedure(id, place, procedure, ProcedureStatus::Ok, "", frame, out);
-        } else if is(&procedure.also_end) {
-            let text = "how it ended is in its status";
-            self.finish_procedure(id, place, procedure, ProcedureStatus::Ended, text, frame, out);
-        } else if let Some(step) = procedure.steps.iter().position(|step| happened(&step.on)) {
-            self.go_on(id, place, procedure, step, frame, out);
-        }
+    if procedure.takes_over {
+        reassess_set_points(id, frame, cx);
     }
+}
 
-    /// A PDO or message came that procedures may wait for, several times in a row and under conditions.
-    pub(super) fn procedures_saw_carrier(
-        &mut self,
-        id: NodeId,
-        carrier: &Carrier,
-        frame: &Frame,
-        out: &mut dyn Observer,
-    ) {
-        let Some(device) = self.node(id).map(|node| Arc::clone(&node.device)) else { return };
-        let now = self.clock.now();
-        let subject = Subject { object: ObjectAddress::default(), channel: None, carrier };
-        let event = carrier.into();
-        for (place, procedure) in device.procedures.iter().enumerate() {
-            let Some(node) = self.node(id) else { return };
-            let facts = node.facts_of(subject, now);
-            let is_met = |trigger: &&Trigger| {
-                trigger.is_met_by(&event) && evaluate_all(trigger.when(), &facts, None) == GateStatus::Open
-            };
-            let mut met: Vec<&Trigger> = procedure.triggers().filter(is_met).collect();
-            if met.is_empty() && !procedure.triggers().any(|trigger| trigger.is_met_by(&event)) {
-                continue;
-            }
-            let streak = self.streak(id, place, !met.is_empty());
-            met.retain(|trigger| trigger.times() <= streak);
-            self.procedure_saw(id, (place, procedure), &|trigger| met.contains(&trigger), frame, out);
-        }
+/// Bits of an object changed.
+pub(in crate::session) fn advance_procedures_by_bits(
+    id: NodeId,
+    object: ObjectAddress,
+    before: Option<u64>,
+    raw: u64,
+    frame: &Frame,
+    cx: &mut Context<'_>,
+) {
+    let event = TriggerEvent::Value(ValueUpdate {
+        object,
+        source: UpdateSource::Received,
+        raw: Some(raw.cast_signed()),
+        before: before.map(u64::cast_signed),
+        bytes: &[],
+        meaning: None,
+        is_fresh: true,
+    });
+    let mut procedures = cx.bus.node(id).into_iter().flat_map(|node| &node.device.procedures);
+    if procedures.any(|procedure| procedure.triggers().any(|trigger| is_awaited(trigger, &event))) {
+        advance_procedures(id, &event, frame, cx);
     }
+}
 
-    /// How often in a row a running procedure saw what it waits for.
-    fn streak(&mut self, id: NodeId, place: usize, again: bool) -> u8 {
-        let node = self.node_mut(id);
-        let running = node.and_then(|node| node.behaviour.running.iter_mut().find(|it| it.place == place));
-        running.map_or(1, |running| {
-            running.streak = if again { running.streak.saturating_add(1) } else { 0 };
-            running.streak
-        })
-    }
-
-    fn start(
-        &mut self,
-        id: NodeId,
-        place: usize,
-        procedure: &Procedure,
-        frame: &Frame,
-        out: &mut dyn Observer,
-    ) {
-        let time = self.clock.now();
-        let range = procedure.invalidates.clone();
-        self.doubt_values(id, |object| range.iter().any(|range| range.covers(object, 0, 0)));
-        if procedure.instant {
-            let event = described(procedure, "finished", ProcedureStatus::Ok);
-            return self.emit(frame, id, false, EventKind::Procedure(Box::new(event)), out);
-        }
-        let Some(node) = self.node_mut(id) else { return };
-        if node.behaviour.running.len() >= MOST_RUNNING {
-            node.behaviour.running.remove(0);
-        }
-        let started = Moment { what: (), frame: frame.number, time };
-        node.behaviour.running.push(Running { place, started, step: None, streak: 0 });
-        let mut event = described(procedure, "started", ProcedureStatus::Running);
-        event.text = self.unmet(id, procedure);
-        self.emit(frame, id, false, EventKind::Procedure(Box::new(event)), out);
-        if procedure.takes_over {
-            self.reassess(id, frame, out);
-        }
-    }
-
-    /// Preconditions that the bus shows not to hold.
-    fn unmet(&self, id: NodeId, procedure: &Procedure) -> String {
-        let Some(node) = self.node(id) else { return String::new() };
-        let facts = node.facts(self.clock.now());
-        let is_unmet = |need: &&Condition| need.evaluate(&facts, None) == GateStatus::Closed;
-        let unmet = procedure.needs.iter().filter(is_unmet);
-        let unmet: Vec<_> = unmet.map(|need| facts.detail(need, None, GateStatus::Closed)).collect();
-        if unmet.is_empty() { String::new() } else { format!("precondition not met: {}", unmet.join(", ")) }
-    }
-
-    fn go_on(
-        &mut self,
-        id: NodeId,
-        place: usize,
-        procedure: &Procedure,
-        step: usize,
-        frame: &Frame,
-        out: &mut dyn Observer,
-    ) {
-        let now = self.clock.now();
-        let Some(node) = self.node_mut(id) else { return };
-        let Some(running) = node.behaviour.running.iter_mut().find(|it| it.place == place) else { return };
-        if running.step.replace(step) == Some(step) {
-            return;
-        }
-        let duration = now.saturating_sub(running.started.time);
-        let Some(name) = procedure.steps.get(step).map(|step| step.step.as_str()) else { return };
-        let mut event = described(procedure, name, ProcedureStatus::Running);
-        event.duration = self.clock.runs().then_some(duration);
-        self.emit(frame, id, false, EventKind::Procedure(Box::new(event)), out);
-    }
-
-    #[expect(clippy::too_many_arguments, reason = "what ended, how, where")]
-    fn finish_procedure(
-        &mut self,
-        id: NodeId,
-        place: usize,
-        procedure: &Procedure,
-        status: ProcedureStatus,
-        text: &str,
-        frame: &Frame,
-        out: &mut dyn Observer,
-    ) {
-        let now = self.clock.now();
-        let Some(node) = self.node_mut(id) else { return };
-        let found = node.behaviour.running.iter().position(|running| running.place == place);
-        let started = found.map(|found| node.behaviour.running.remove(found).started);
-        let mut event = described(procedure, "finished", status);
-        let duration = started.map(|started| now.saturating_sub(started.time));
-        event.duration = duration.filter(|_| self.clock.runs());
-        text.clone_into(&mut event.text);
-        self.emit(frame, id, false, EventKind::Procedure(Box::new(event)), out);
-        if status == ProcedureStatus::Error {
-            for fallback in &procedure.on_error {
-                self.fell_back_to(id, fallback.object.object, fallback.becomes, frame);
-            }
-        }
-        if procedure.takes_over {
-            self.reassess(id, frame, out);
-        }
-    }
-
-    /// Bits of an object changed.
-    pub(super) fn bits_trigger(
-        &mut self,
-        id: NodeId,
-        object: ObjectAddress,
-        before: Option<u64>,
-        raw: u64,
-        frame: &Frame,
-        out: &mut dyn Observer,
-    ) {
+/// An object was written or read that procedures may wait for.
+pub(in crate::session) fn advance_procedures_by_object(
+    id: NodeId,
+    object: ObjectAddress,
+    value: &[u8],
+    kind: OriginKind,
+    frame: &Frame,
+    cx: &mut Context<'_>,
+) {
+    let Some(node) = cx.bus.node(id) else { return };
+    let device = Arc::clone(&node.device);
+    let meaning = node.meaning(object);
+    let source = match kind {
+        OriginKind::Download => Some(UpdateSource::Written),
+        OriginKind::Upload => Some(UpdateSource::Read),
+        _ => None,
+    };
+    if let Some(source) = source {
         let event = TriggerEvent::Value(ValueUpdate {
             object,
-            source: UpdateSource::Received,
-            raw: Some(raw.cast_signed()),
-            before: before.map(u64::cast_signed),
-            bytes: &[],
-            meaning: None,
-            is_fresh: true,
+            source,
+            raw: meaning.as_ref().and_then(|meaning| integer(&meaning.decode(value))),
+            before: None,
+            bytes: value,
+            meaning: meaning.as_ref(),
+            is_fresh: false,
         });
-        let mut procedures = self.node(id).into_iter().flat_map(|node| &node.device.procedures);
-        if procedures.any(|procedure| procedure.triggers().any(|trigger| is_awaited(trigger, &event))) {
-            self.procedures_saw(id, &event, frame, out);
-        }
+        advance_procedures(id, &event, frame, cx);
     }
-
-    /// An object was written or read that procedures may wait for.
-    pub(super) fn procedures_saw_object(
-        &mut self,
-        id: NodeId,
-        object: ObjectAddress,
-        value: &[u8],
-        kind: OriginKind,
-        frame: &Frame,
-        out: &mut dyn Observer,
-    ) {
-        let Some(node) = self.node(id) else { return };
-        let device = Arc::clone(&node.device);
-        let meaning = node.meaning(object);
-        let source = match kind {
-            OriginKind::Download => Some(UpdateSource::Written),
-            OriginKind::Upload => Some(UpdateSource::Read),
-            _ => None,
+    if kind != OriginKind::Upload {
+        return;
+    }
+    let word = crate::profile::little_endian(value);
+    for (place, procedure) in device.procedures.iter().enumerate() {
+        let Some(status) = procedure.status.as_ref().filter(|it| it.object.object == object) else {
+            continue;
         };
-        if let Some(source) = source {
-            let event = TriggerEvent::Value(ValueUpdate {
-                object,
-                source,
-                raw: meaning.as_ref().and_then(|meaning| integer(&meaning.decode(value))),
-                before: None,
-                bytes: value,
-                meaning: meaning.as_ref(),
-                is_fresh: false,
-            });
-            self.procedures_saw(id, &event, frame, out);
-        }
-        if kind != OriginKind::Upload {
-            return;
-        }
-        let word = crate::profile::little_endian(value);
-        for (place, procedure) in device.procedures.iter().enumerate() {
-            let Some(status) = procedure.status.as_ref().filter(|it| it.object.object == object) else {
-                continue;
-            };
-            let Some(code) = device.codes.get(&status.codes).and_then(|codes| codes.find(word)) else {
-                continue;
-            };
-            self.status_read(id, place, procedure, code.outcome, &code.text, frame, out);
-        }
-    }
-
-    #[expect(clippy::too_many_arguments, reason = "a procedure, its status, where")]
-    fn status_read(
-        &mut self,
-        id: NodeId,
-        place: usize,
-        procedure: &Procedure,
-        outcome: ProcedureStatus,
-        text: &str,
-        frame: &Frame,
-        out: &mut dyn Observer,
-    ) {
-        let Some(node) = self.node(id) else { return };
-        let runs = node.behaviour.running.iter().any(|running| running.place == place);
-        match outcome {
-            // A recording that began in the middle shows it by its status only.
-            ProcedureStatus::Running if !runs => self.start(id, place, procedure, frame, out),
-            ProcedureStatus::Running => {}
-            _ if runs => self.finish_procedure(id, place, procedure, outcome, text, frame, out),
-            _ => {}
-        }
-    }
-
-    /// A node-ID or bit rate was written: what it brings, and when.
-    pub(super) fn announced(
-        &mut self,
-        id: NodeId,
-        object: ObjectAddress,
-        value: &[u8],
-        kind: OriginKind,
-        frame: &Frame,
-        out: &mut dyn Observer,
-    ) {
-        let Some(node) = self.node(id).filter(|_| kind == OriginKind::Download) else { return };
-        let Some(meaning) = node.meaning(object) else { return };
-        let shown = meaning.show(&meaning.decode(value));
-        let entry = node.device.dictionary.find(object).and_then(|found| found.entry);
-        let when = entry.map_or("at a time not known", |entry| entry.effect.when());
-        let (name, word, text) = match meaning.role {
-            Some(Role::NodeId) => ("node-ID change", "IDENT", format!("node-ID {shown} {when}")),
-            Some(Role::BitRate) => ("bit-rate change", "RATE", format!("bus goes to {shown} {when}")),
-            _ => return,
+        let Some(code) = device.codes.get(&status.codes).and_then(|codes| codes.find(word)) else {
+            continue;
         };
-        self.announce(id, Announcement { procedure: name, word, finished: false, text }, frame, out);
+        on_procedure_status(id, place, procedure, code.outcome, &code.text, frame, cx);
     }
+}
 
-    /// Tells a change of node-ID or bit rate that no profile describes.
-    pub(in crate::session) fn announce(
-        &self,
-        node: impl Into<Option<NodeId>>,
-        change: Announcement,
-        frame: &Frame,
-        out: &mut dyn Observer,
-    ) {
-        let status = if change.finished { ProcedureStatus::Ok } else { ProcedureStatus::Running };
-        let event = ProcedureEvent {
-            procedure: change.procedure.into(),
-            word: Some(change.word.into()),
-            step: if change.finished { "finished" } else { "started" }.into(),
-            status: status.name(),
-            duration: None,
-            nominal: None,
-            text: change.text,
-            object: None,
-            takes_over: false,
-        };
-        self.emit(frame, node, false, EventKind::Procedure(Box::new(event)), out);
+#[expect(clippy::too_many_arguments, reason = "a procedure, its status, where")]
+fn on_procedure_status(
+    id: NodeId,
+    place: usize,
+    procedure: &Procedure,
+    outcome: ProcedureStatus,
+    text: &str,
+    frame: &Frame,
+    cx: &mut Context<'_>,
+) {
+    let Some(node) = cx.bus.node(id) else { return };
+    let runs = node.behaviour.running.iter().any(|running| running.place == place);
+    match outcome {
+        // A recording that began in the middle shows it by its status only.
+        ProcedureStatus::Running if !runs => start_procedure(id, place, procedure, frame, cx),
+        ProcedureStatus::Running => {}
+        _ if runs => finish_procedure(id, place, procedure, outcome, text, frame, cx),
+        _ => {}
     }
+}
+
+/// A node-ID or bit rate was written: what it brings, and when.
+pub(in crate::session) fn announce_written_change(
+    id: NodeId,
+    object: ObjectAddress,
+    value: &[u8],
+    kind: OriginKind,
+    frame: &Frame,
+    cx: &mut Context<'_>,
+) {
+    let Some(node) = cx.bus.node(id).filter(|_| kind == OriginKind::Download) else { return };
+    let Some(meaning) = node.meaning(object) else { return };
+    let shown = meaning.show(&meaning.decode(value));
+    let entry = node.device.dictionary.find(object).and_then(|found| found.entry);
+    let when = entry.map_or("at a time not known", |entry| entry.effect.when());
+    let (name, word, text) = match meaning.role {
+        Some(Role::NodeId) => ("node-ID change", "IDENT", format!("node-ID {shown} {when}")),
+        Some(Role::BitRate) => ("bit-rate change", "RATE", format!("bus goes to {shown} {when}")),
+        _ => return,
+    };
+    emit_announcement(id, Announcement { procedure: name, word, finished: false, text }, frame, cx);
+}
+
+/// Tells a change of node-ID or bit rate that no profile describes.
+pub(in crate::session) fn emit_announcement(
+    node: impl Into<Option<NodeId>>,
+    change: Announcement,
+    frame: &Frame,
+    cx: &mut Context<'_>,
+) {
+    let status = if change.finished { ProcedureStatus::Ok } else { ProcedureStatus::Running };
+    let event = ProcedureEvent {
+        procedure: change.procedure.into(),
+        word: Some(change.word.into()),
+        step: if change.finished { "finished" } else { "started" }.into(),
+        status: status.name(),
+        duration: None,
+        nominal: None,
+        text: change.text,
+        object: None,
+        takes_over: false,
+    };
+    cx.emit(frame, node, false, EventKind::Procedure(Box::new(event)));
 }
 
 /// Whether an event is what a trigger of a procedure waits for.

@@ -13,11 +13,16 @@
 //!  S is 254                         N is without address       cannot-claim
 //! ```
 
-use super::device::J1939State;
-use crate::event::{AddressClaim, ClaimAction, CommandedAddress, Contention, EventKind, FrameRange};
+use super::evidence::mark_sender_alive;
+use super::payload::Payload;
+use super::trouble_codes::{cancel_dm1_deadline, schedule_dm1_deadline};
+use crate::event::{AddressClaim, ClaimAction, CommandedAddress, Contention, EventKind};
 use crate::frame::{Frame, FrameFlags};
-use crate::session::node::Node;
-use crate::session::{ADDRESSLESS_LIMIT, Bus, COMMANDED_LIMIT, Observer};
+use crate::session::bus::{Bus, Node};
+use crate::session::context::Context;
+use crate::session::identity::refresh_messages;
+use crate::session::limits::{ADDRESSLESS_LIMIT, COMMANDED_LIMIT};
+use crate::session::machine::Machine;
 use crate::wire::j1939::{J1939Id, NO_ADDRESS, Name, commanded_address};
 use crate::wire::{Malformed, NodeId};
 
@@ -87,94 +92,97 @@ impl Claims {
         let Some(command) = known.map(|place| self.commands.remove(place)) else { return 0 };
         if command.address == address { command.frame } else { 0 }
     }
-
-    /// Bytes held.
-    pub(in crate::session) fn footprint(&self) -> usize {
-        self.without_address.iter().map(Node::footprint).sum::<usize>()
-            + self.commands.capacity() * size_of::<Command>()
-    }
 }
 
-impl Bus {
-    /// A claim, or the word of a device that finds no address.
+impl Machine for Claims {
+    type Route<'a> = J1939Id;
+    type Product = ();
+
+    /// A claim, or the message of a device that finds no address.
     #[cold]
-    pub(super) fn on_address_claim(&mut self, id: J1939Id, frame: &Frame, out: &mut dyn Observer) {
+    fn on_frame(&mut self, id: J1939Id, frame: &Frame, cx: &mut Context<'_>) {
         if frame.flags.contains(FrameFlags::REMOTE) {
-            return self.undecoded(frame, None, out);
+            return cx.emit_undecoded(frame, None);
         }
         let name = match (Name::read(frame.data()), frame.data().len()) {
             (Some(name), 8) => name,
             (_, length) => {
                 let available = u8::try_from(length).unwrap_or(u8::MAX);
                 let error = Malformed { layer: "address-claim", offset: 0, needed: CLAIM_BYTES, available };
-                return self.malformed_j1939(id, error, "an address claim has eight bytes", frame, out);
+                return cx.emit_malformed_j1939(id, error, "an address claim has eight bytes", frame);
             }
         };
         let mut claim =
-            if id.source == NO_ADDRESS { self.without_address(name) } else { self.claimed(name, id.source) };
-        claim.commanded = self.claims.commanded(name, id.source, claim.action);
+            if id.source == NO_ADDRESS { self.release(name, cx) } else { self.claim(name, id.source, cx) };
+        claim.commanded = self.commanded(name, id.source, claim.action);
         // The frame of a loser says nothing of the device that keeps the address.
         if matches!(claim.action, ClaimAction::Claimed | ClaimAction::Confirmed) {
-            self.j1939_heard(id.source, frame);
+            mark_sender_alive(cx.bus, id.source, frame);
         }
         let routine = claim.action == ClaimAction::Confirmed;
-        let mut event = self.j1939_event(frame, id, EventKind::AddressClaim(claim));
+        let mut event = cx.j1939_event(frame, id, EventKind::AddressClaim(claim));
         event.routine = routine;
-        out.event(&event, self);
-        let count = std::mem::take(&mut self.claims.evicted);
+        cx.send(&event);
+        let count = std::mem::take(&mut self.evicted);
         if count > 0 {
-            self.emit_can(frame, EventKind::Evicted { what: "device without address", count }, out);
+            cx.emit_can(frame, EventKind::Evicted { what: "device without address", count });
         }
     }
 
-    /// A commanded address: it comes in two packets.
-    pub(super) fn on_commanded_address(
+    fn footprint(&self) -> usize {
+        self.without_address.iter().map(Node::footprint).sum::<usize>()
+            + self.commands.capacity() * size_of::<Command>()
+    }
+}
+
+impl Claims {
+    /// A commanded address; it takes two packets.
+    pub(in crate::session) fn on_command(
         &mut self,
-        id: J1939Id,
-        payload: &[u8],
-        frames: FrameRange,
+        payload: Payload<'_>,
         frame: &Frame,
-        out: &mut dyn Observer,
+        cx: &mut Context<'_>,
     ) {
-        let (name, address) = match commanded_address(payload) {
+        let Payload { id, data, frames } = payload;
+        let (name, address) = match commanded_address(data) {
             Ok(command) => command,
             Err(error) => {
-                return self.malformed_j1939(id, error, "a commanded address has nine bytes", frame, out);
+                return cx.emit_malformed_j1939(id, error, "a commanded address has nine bytes", frame);
             }
         };
-        let present = self.address_of(name);
-        let evicted = self.claims.command(Command { name, address, frame: frame.number });
+        let present = cx.bus.address_of(name);
+        let evicted = self.command(Command { name, address, frame: frame.number });
         let command = CommandedAddress { name, address, source: id.source, present };
-        let mut event = self.j1939_event(frame, id, EventKind::CommandedAddress(command));
+        let mut event = cx.j1939_event(frame, id, EventKind::CommandedAddress(command));
         event.frames = frames;
-        out.event(&event, self);
+        cx.send(&event);
         if evicted {
-            self.emit_can(frame, EventKind::Evicted { what: "commanded address", count: 1 }, out);
+            cx.emit_can(frame, EventKind::Evicted { what: "commanded address", count: 1 });
         }
     }
 
     /// What becomes of the claim of an address.
-    fn claimed(&mut self, name: Name, source: u8) -> AddressClaim {
-        let holder = self.node(NodeId::J1939(source)).and_then(Node::j1939_name);
-        let had = self.address_of(name).or_else(|| self.claims.last_address(name));
+    fn claim(&mut self, name: Name, source: u8, cx: &mut Context<'_>) -> AddressClaim {
+        let holder = cx.bus.node(NodeId::J1939(source)).and_then(Node::j1939_name);
+        let had = cx.bus.address_of(name).or_else(|| self.last_address(name));
         let contention =
             holder.filter(|it| *it != name).map(|other| Contention { other, winner: other.min(name) });
         let (action, contention) = match contention {
             None if holder.is_some() => {
-                self.defended(source);
+                note_defence(source, cx.bus);
                 (ClaimAction::Confirmed, None)
             }
             Some(contention) if contention.winner != name => {
-                if self.is_undefended(source, name) {
-                    self.take_address(name, source);
+                if is_undefended(source, name, cx.bus) {
+                    self.take_address(name, source, cx);
                     (ClaimAction::Claimed, None)
                 } else {
-                    self.leave_address(name);
+                    self.leave_address(name, cx);
                     (ClaimAction::Lost, Some(contention))
                 }
             }
             contention => {
-                self.take_address(name, source);
+                self.take_address(name, source, cx);
                 (ClaimAction::Claimed, contention)
             }
         };
@@ -183,107 +191,101 @@ impl Bus {
     }
 
     /// A device says that it finds no address.
-    fn without_address(&mut self, name: Name) -> AddressClaim {
-        let from = self.address_of(name).or_else(|| self.claims.last_address(name));
-        self.leave_address(name);
+    fn release(&mut self, name: Name, cx: &mut Context<'_>) -> AddressClaim {
+        let from = cx.bus.address_of(name).or_else(|| self.last_address(name));
+        self.leave_address(name, cx);
         let action = ClaimAction::CannotClaim;
         AddressClaim { action, name, source: NO_ADDRESS, from, contention: None, commanded: 0 }
     }
 
-    /// The holder of an address answered who wanted it.
-    fn defended(&mut self, address: u8) {
-        if let Some(state) = self.node_mut(NodeId::J1939(address)).and_then(|node| node.j1939.as_deref_mut())
-        {
-            state.challenged = None;
-        }
-    }
-
-    /// Whether the holder of an address let an earlier claim of the same NAME stand: it is not there any
-    /// more, whichever NAME is lower. Notes the claim.
-    fn is_undefended(&mut self, address: u8, name: Name) -> bool {
-        let (now, runs) = (self.clock.now(), self.clock.runs());
-        let Some(node) = self.node_mut(NodeId::J1939(address)) else { return false };
-        let challenged = &mut node.j1939_state().challenged;
-        match *challenged {
-            Some((known, since)) if known == name => runs && now.saturating_sub(since) > DEFENCE,
-            _ => {
-                *challenged = Some((name, now));
-                false
-            }
-        }
-    }
-
-    /// Address of the device with a NAME.
-    pub(super) fn address_of(&self, name: Name) -> Option<u8> {
-        self.nodes.iter().find(|node| node.j1939_name() == Some(name)).and_then(|node| node.id().j1939())
-    }
-
     /// The device with a NAME has an address from now on, with all that is known of it.
-    fn take_address(&mut self, name: Name, address: u8) {
-        let present = self.address_of(name);
-        self.forget_messages(&[present, Some(address)]);
+    fn take_address(&mut self, name: Name, address: u8, cx: &mut Context<'_>) {
+        let present = cx.bus.address_of(name);
+        refresh_assigned(&[present, Some(address)], cx);
         let known = match present {
-            Some(present) => self.lift(present),
-            None => self.claims.recall(name),
+            Some(present) => lift(present, cx),
+            None => self.recall(name),
         };
         // One that waited without an address has messages again.
         if present.is_none() && known.as_ref().is_some_and(|known| known.assigned.is_some()) {
-            self.refresh_messages();
+            refresh_messages(cx);
         }
-        let resident = self.lift(address);
+        let resident = lift(address, cx);
         let mut node = match (known, resident) {
             (Some(known), Some(resident)) if resident.j1939_name().is_none() => joined(known, resident),
             // The capture may have begun behind its first claim.
             (None, Some(resident)) if resident.j1939_name().is_none() => resident,
             (known, resident) => {
                 if let Some(resident) = resident {
-                    self.claims.remember(resident);
+                    self.remember(resident);
                 }
                 known.unwrap_or_else(|| Node::new(NodeId::J1939(address), None))
             }
         };
         node.j1939_state().name = Some(name);
         node.j1939_state().challenged = None;
-        self.settle(address, node);
+        settle(address, node, cx);
     }
 
     /// The device with a NAME has no address any more; what is known of it waits for its next claim.
-    fn leave_address(&mut self, name: Name) {
-        let Some(present) = self.address_of(name) else { return };
-        self.forget_messages(&[Some(present)]);
-        if let Some(node) = self.lift(present) {
-            self.claims.remember(node);
+    fn leave_address(&mut self, name: Name, cx: &mut Context<'_>) {
+        let Some(present) = cx.bus.address_of(name) else { return };
+        refresh_assigned(&[Some(present)], cx);
+        if let Some(node) = lift(present, cx) {
+            self.remember(node);
         }
     }
+}
 
-    /// Where a device that moves has a profile, messages mean something else from now on.
-    fn forget_messages(&mut self, addresses: &[Option<u8>]) {
-        let mut nodes = addresses.iter().flatten().filter_map(|address| self.node(NodeId::J1939(*address)));
-        if nodes.any(|node| node.assigned.is_some()) {
-            self.refresh_messages();
+/// The holder of an address answered who wanted it.
+fn note_defence(address: u8, bus: &mut Bus) {
+    if let Some(state) = bus.node_mut(NodeId::J1939(address)).and_then(|node| node.j1939.as_deref_mut()) {
+        state.challenged = None;
+    }
+}
+
+/// Whether the holder of an address let an earlier claim of the same NAME stand: it is not there any
+/// more, whichever NAME is lower. Notes the claim.
+fn is_undefended(address: u8, name: Name, bus: &mut Bus) -> bool {
+    let (now, runs) = (bus.clock.now(), bus.clock.runs());
+    let Some(node) = bus.node_mut(NodeId::J1939(address)) else { return false };
+    let challenged = &mut node.j1939_state().challenged;
+    match *challenged {
+        Some((known, since)) if known == name => runs && now.saturating_sub(since) > DEFENCE,
+        _ => {
+            *challenged = Some((name, now));
+            false
         }
     }
+}
 
-    /// Takes a device from its address; an unknown one is there then.
-    fn lift(&mut self, address: u8) -> Option<Node> {
-        let id = NodeId::J1939(address);
-        self.node(id)?;
-        let name = self.given_name(id);
-        self.forget_dm1(id);
-        let node = self.node_mut(id)?;
-        Some(std::mem::replace(node, Node::new(id, name)))
+/// Where a device that moves has a profile, messages mean something else from now on.
+fn refresh_assigned(addresses: &[Option<u8>], cx: &mut Context<'_>) {
+    let mut nodes = addresses.iter().flatten().filter_map(|address| cx.bus.node(NodeId::J1939(*address)));
+    if nodes.any(|node| node.assigned.is_some()) {
+        refresh_messages(cx);
     }
+}
 
-    /// Puts a device to an address.
-    fn settle(&mut self, address: u8, mut node: Node) {
-        let id = NodeId::J1939(address);
-        node.id = id;
-        node.name = self.given_name(id);
-        if let Some(place) = self.node_mut(id) {
-            *place = node;
-        }
-        self.await_dm1(id);
+/// Takes a device from its address; an unknown one is there then.
+fn lift(address: u8, cx: &mut Context<'_>) -> Option<Node> {
+    let id = NodeId::J1939(address);
+    cx.bus.node(id)?;
+    let name = cx.bus.given_name(id);
+    cancel_dm1_deadline(id, cx);
+    let node = cx.bus.node_mut(id)?;
+    Some(std::mem::replace(node, Node::new(id, name)))
+}
+
+/// Puts a device to an address.
+fn settle(address: u8, mut node: Node, cx: &mut Context<'_>) {
+    let id = NodeId::J1939(address);
+    node.id = id;
+    node.name = cx.bus.given_name(id);
+    if let Some(place) = cx.bus.node_mut(id) {
+        *place = node;
     }
+    schedule_dm1_deadline(id, cx);
 }
 
 /// A device comes to an address at which one without NAME is. What the user said of that address holds
@@ -304,18 +306,6 @@ fn joined(known: Node, resident: Node) -> Node {
     node
 }
 
-impl Node {
-    /// NAME of a J1939 device, once it was seen.
-    pub fn j1939_name(&self) -> Option<Name> {
-        self.j1939.as_ref()?.name
-    }
-
-    /// What is remembered of it as a J1939 device, made if new.
-    pub(in crate::session) fn j1939_state(&mut self) -> &mut J1939State {
-        self.j1939.get_or_insert_default()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::sync::Arc;
@@ -323,12 +313,14 @@ mod tests {
     use super::*;
     use crate::bus_file::BusFile;
     use crate::event::Event;
+    use crate::event::FrameRange;
     use crate::frame::{BusIndex, CanId, Timestamp};
     use crate::profile::Catalogue;
+    use crate::session::BusDecoder;
     use crate::session::{AssignedBy, Assignment, SessionOptions};
 
     /// A claim of a NAME with this identity number.
-    fn claim(bus: &mut Bus, number: u64, address: u8, identity: u64) -> AddressClaim {
+    fn claim(bus: &mut BusDecoder, number: u64, address: u8, identity: u64) -> AddressClaim {
         let mut claims = Vec::new();
         let mut observer = |event: &Event, _: &Bus| {
             if let EventKind::AddressClaim(claim) = &event.kind {
@@ -342,8 +334,8 @@ mod tests {
         claims.pop().unwrap()
     }
 
-    fn bus(options: SessionOptions) -> Bus {
-        Bus::new(BusIndex(0), "can0", Arc::new(options))
+    fn bus(options: SessionOptions) -> BusDecoder {
+        BusDecoder::new(BusIndex(0), "can0", Arc::new(options))
     }
 
     fn device(bus: &Bus, address: u8) -> (Option<&str>, Option<&str>) {
@@ -368,21 +360,21 @@ mod tests {
         });
         // It starts at 81; what the user said of 80 holds once it is there.
         assert_eq!(claim(&mut bus, 1, 0x81, 7).from, None);
-        assert_eq!(device(&bus, 0x81), (Some("slew"), None));
+        assert_eq!(device(bus.bus(), 0x81), (Some("slew"), None));
         assert_eq!(claim(&mut bus, 2, 0x80, 7).from, Some(0x81));
-        assert_eq!(device(&bus, 0x80), (Some("boom"), Some("danfoss-pve-ci:pvea")));
-        let state = bus.node(NodeId::J1939(0x80)).unwrap().j1939.as_deref().unwrap();
+        assert_eq!(device(bus.bus(), 0x80), (Some("boom"), Some("danfoss-pve-ci:pvea")));
+        let state = bus.bus().node(NodeId::J1939(0x80)).unwrap().j1939.as_deref().unwrap();
         assert_eq!((state.name, state.conversion.is_some()), (Some(Name(7)), true));
         // From then on it goes along; a stranger does not inherit it.
         assert_eq!(claim(&mut bus, 3, 0x82, 7).from, Some(0x80));
-        assert_eq!(device(&bus, 0x82), (None, Some("danfoss-pve-ci:pvea")));
+        assert_eq!(device(bus.bus(), 0x82), (None, Some("danfoss-pve-ci:pvea")));
         assert_eq!(claim(&mut bus, 4, 0x80, 9).from, None);
-        assert_eq!(device(&bus, 0x80), (Some("boom"), None));
+        assert_eq!(device(bus.bus(), 0x80), (Some("boom"), None));
         // Also over a time without an address.
         assert_eq!(claim(&mut bus, 5, 0x82, 1).contention.unwrap().other, Name(7));
-        assert_eq!(device(&bus, 0x82), (None, None));
+        assert_eq!(device(bus.bus(), 0x82), (None, None));
         assert_eq!(claim(&mut bus, 6, 0x83, 7).from, Some(0x82));
-        assert_eq!(device(&bus, 0x83), (None, Some("danfoss-pve-ci:pvea")));
+        assert_eq!(device(bus.bus(), 0x83), (None, Some("danfoss-pve-ci:pvea")));
     }
 
     #[test]
@@ -396,7 +388,7 @@ mod tests {
         let id = J1939Id::of(0x1CFE_D8F9).unwrap();
         let frame = Frame { number: 4, ..Frame::EMPTY };
         let frames = FrameRange { first: 2, last: 4 };
-        bus.on_j1939_payload(id, &payload, frames, &frame, &mut observer);
+        bus.on_payload(Payload { id, data: &payload, frames }, &frame, &mut observer);
         let command = CommandedAddress { name: Name(7), address: 0x85, source: 0xF9, present: Some(0x80) };
         match &told[..] {
             [(range, EventKind::CommandedAddress(found))] => assert_eq!((*range, found), (frames, &command)),
@@ -406,7 +398,7 @@ mod tests {
         assert_eq!((followed.commanded, followed.from), (4, Some(0x80)));
         // A command is followed once, and by its address only.
         assert_eq!(claim(&mut bus, 6, 0x80, 7).commanded, 0);
-        bus.on_j1939_payload(id, &payload, frames, &frame, &mut |_: &Event, _: &Bus| {});
+        bus.on_payload(Payload { id, data: &payload, frames }, &frame, &mut |_: &Event, _: &Bus| {});
         assert_eq!(claim(&mut bus, 7, 0x86, 7).commanded, 0);
     }
 

@@ -7,10 +7,10 @@ use std::collections::HashMap;
 
 use foldhash::fast::FixedState;
 
-use super::link::{Link, Pairs};
 use super::transfer::Transfer;
 use crate::event::ExchangeOutcome;
-use crate::session::EXCHANGE_LIMIT;
+use crate::session::bus::{Link, Pairs};
+use crate::session::limits::EXCHANGE_LIMIT;
 use crate::wire::uds::SubFunction;
 
 /// Nanoseconds without an answer after which a request counts as unanswered; anew after each response that

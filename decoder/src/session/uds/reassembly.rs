@@ -4,20 +4,20 @@ use std::collections::HashMap;
 
 use foldhash::fast::FixedState;
 
-use super::link::Link;
 use super::transfer::{Oddity, Transfer};
 use crate::event::MessageOutcome;
 use crate::frame::Frame;
-use crate::session::TRANSPORT_LIMIT;
+use crate::session::bus::Link;
+use crate::session::limits::TRANSPORT_LIMIT;
 use crate::wire::isotp::{FlowStatus, IsoTp};
 
 /// What is known of one way between two ends.
 #[derive(Debug, Clone, Default)]
 struct State {
-    /// A frame of it was seen.
-    heard: bool,
+    /// A frame of it was received.
+    is_active: bool,
     /// A message that makes sense was seen on it, or on the way back.
-    believed: bool,
+    confirmed: bool,
     /// Frames without a beginning were told of, since the last beginning.
     said_start: bool,
     /// Flow control that nobody waits for was told of, alike.
@@ -63,14 +63,14 @@ pub(super) struct Reassembly {
 
 impl Reassembly {
     /// Whether a link is known to carry ISO-TP.
-    pub(super) fn is_believed(&self, link: Link) -> bool {
-        self.states.get(&link).is_some_and(|state| state.believed)
+    pub(super) fn is_confirmed(&self, link: Link) -> bool {
+        self.states.get(&link).is_some_and(|state| state.confirmed)
     }
 
     /// A link carries ISO-TP, and so does the way back.
-    pub(super) fn believe(&mut self, link: Link) {
+    pub(super) fn confirm(&mut self, link: Link) {
         for link in [link, link.back()] {
-            self.states.entry(link).or_default().believed = true;
+            self.states.entry(link).or_default().confirmed = true;
         }
     }
 
@@ -82,7 +82,7 @@ impl Reassembly {
         address_byte: Option<u8>,
         frame: &Frame,
     ) -> Taken {
-        self.states.entry(link).or_default().heard = true;
+        self.states.entry(link).or_default().is_active = true;
         match message {
             IsoTp::Single { data } => {
                 let superseded = self.begin(link);
@@ -112,7 +112,7 @@ impl Reassembly {
     }
 
     fn consecutive(&mut self, link: Link, sequence: u8, data: &[u8], frame: &Frame) -> Taken {
-        let receiver_is_heard = self.states.get(&link.back()).is_some_and(|state| state.heard);
+        let receiver_is_active = self.states.get(&link.back()).is_some_and(|state| state.is_active);
         let state = self.states.entry(link).or_default();
         let Some(transfer) = &mut state.transfer else {
             let odd = !std::mem::replace(&mut state.said_start, true);
@@ -120,7 +120,7 @@ impl Reassembly {
             return Taken { odd, is_stray: true, ..Taken::default() };
         };
         let before = transfer.data.len();
-        let odd = transfer.consecutive(sequence, data, frame, receiver_is_heard);
+        let odd = transfer.consecutive(sequence, data, frame, receiver_is_active);
         self.open_bytes += transfer.data.len().saturating_sub(before);
         if !transfer.is_over() {
             return Taken { odd, ..Taken::default() };
@@ -292,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn flow_control_is_missed_only_where_the_receiver_is_heard() {
+    fn flow_control_is_missed_only_where_the_receiver_is_active() {
         let mut all = Reassembly::default();
         let first = [0x10, 30, 1, 1, 1, 1, 1, 1];
         push(&mut all, THERE, &first);

@@ -1,16 +1,20 @@
 //! Frames through a bus.
 
-use super::*;
+use std::sync::Arc;
+
 use crate::bus_file::BusFile;
-use crate::event::{ExchangeOutcome, UdsExchange};
-use crate::frame::{BusIndex, CanId, FrameFlags, Timestamp};
-use crate::session::SessionOptions;
+use crate::event::{Event, EventKind, ExchangeOutcome, FrameRange, MessageOutcome, Protocol, UdsExchange};
+use crate::frame::{BusIndex, CanId, Frame, FrameFlags, Timestamp};
+use crate::session::BusDecoder;
+use crate::session::bus::Bus;
+use crate::session::options::SessionOptions;
+use crate::wire::NodeId;
 
 const MS: i64 = 1_000_000;
 
 /// A bus, what it told, and the time.
 struct Scene {
-    bus: Bus,
+    bus: BusDecoder,
     events: Vec<Event>,
     number: u64,
 }
@@ -19,7 +23,7 @@ impl Scene {
     fn new(bus_file: &str) -> Self {
         let bus_file = BusFile::parse(bus_file).unwrap();
         let options = SessionOptions { bus_file, ..SessionOptions::default() };
-        let bus = Bus::new(BusIndex(0), "can0", Arc::new(options));
+        let bus = BusDecoder::new(BusIndex(0), "can0", Arc::new(options));
         Self { bus, events: Vec::new(), number: 0 }
     }
 

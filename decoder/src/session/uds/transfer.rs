@@ -2,7 +2,7 @@
 
 use crate::event::{FrameRange, MessageOutcome};
 use crate::frame::{CanId, Frame};
-use crate::session::TRANSFER_DATA_LIMIT;
+use crate::session::limits::TRANSFER_DATA_LIMIT;
 use crate::wire::isotp::{FlowControl, FlowStatus};
 
 /// What is wrong with a frame.

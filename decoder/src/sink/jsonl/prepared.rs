@@ -253,15 +253,15 @@ mod tests {
     use super::*;
     use crate::frame::{BusIndex, Frame};
     use crate::profile::{DataType, Field, Layout, Meaning, PdoDirection};
-    use crate::session::SessionOptions;
+    use crate::session::{BusDecoder, SessionOptions};
     use crate::wire::canopen::ObjectAddress;
 
     /// A bus with nodes 1 to 3, the second and third with names.
-    fn bus(index: u8, name: &str) -> Bus {
+    fn bus(index: u8, name: &str) -> BusDecoder {
         let node_names =
             vec![(NodeId::Canopen(2), "boom \"\u{1}".into()), (NodeId::Canopen(3), format!("jib{index}"))];
         let options = Arc::new(SessionOptions { node_names, ..SessionOptions::default() });
-        let mut bus = Bus::new(BusIndex(index), name, options);
+        let mut bus = BusDecoder::new(BusIndex(index), name, options);
         for node in 1..=3 {
             bus.push(&Frame::data_frame(CanId::standard(0x700 + node), &[5]), &mut |_: &Event, _: &Bus| {});
         }
@@ -343,8 +343,8 @@ mod tests {
                 let mut expected = Vec::new();
                 // Twice, so that most lines are prepared the second time.
                 for (event, place) in events.iter().chain(&events) {
-                    jsonl.write(event, &buses[*place]);
-                    write_line(event, &buses[*place], capture, &mut expected);
+                    jsonl.write(event, buses[*place].bus());
+                    write_line(event, buses[*place].bus(), capture, &mut expected);
                 }
                 prop_assert_eq!(String::from_utf8(jsonl.output).unwrap(), String::from_utf8(expected).unwrap());
             }

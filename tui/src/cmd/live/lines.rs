@@ -14,7 +14,7 @@ use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::finding::Severity;
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::rules::{Engine, Judge, Setup};
-use cobscope_decoder::session::{Bus, Observer};
+use cobscope_decoder::session::{Bus, Buses, Observer};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::findings::text::{self, TextOptions};
 use cobscope_decoder::sink::findings::{Judged, Report, jsonl};
@@ -271,7 +271,7 @@ impl Looker {
     }
 
     /// Lets the rules see how far time has gone on without a frame.
-    fn advance(&mut self, buses: &[Bus]) {
+    fn advance(&mut self, buses: Buses<'_>) {
         let Self { engine, printer, only_findings, ends_at, has_found } = self;
         let mut out = Out { printer, only_findings: *only_findings, ends_at: *ends_at, has_found };
         for bus in buses {

@@ -10,7 +10,7 @@ use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::profile::Value;
-use cobscope_decoder::session::{Bus, Entry, Node, Observer};
+use cobscope_decoder::session::{Bus, Buses, Entry, Node, Observer};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::wire::canopen::ObjectAddress;
@@ -95,7 +95,7 @@ impl Watcher for Until {
 }
 
 /// What is said where the node that is asked for is not there. That there is no such bus was said before.
-fn absent(buses: &[Bus], (bus, node): (Option<&str>, NodeId)) -> Option<String> {
+fn absent(buses: Buses<'_>, (bus, node): (Option<&str>, NodeId)) -> Option<String> {
     let is_meant = |own: &&Bus| bus.is_none_or(|name| name == own.name());
     let is_there = buses.iter().filter(is_meant).any(|bus| bus.node(node).is_some());
     if is_there || !buses.iter().any(|bus| is_meant(&bus)) {

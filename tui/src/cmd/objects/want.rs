@@ -7,7 +7,7 @@ use std::sync::Arc;
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::profile::device_file::{Access, DeviceFile, DeviceObject, Kind};
 use cobscope_decoder::profile::{DataType, Value};
-use cobscope_decoder::session::{Bus, Entry, Node};
+use cobscope_decoder::session::{Bus, Buses, Entry, Node};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::NodeId;
 use serde_json::json;
@@ -69,7 +69,7 @@ impl Want {
     /// Compares the node on every bus it was seen on.
     pub(super) fn compare(
         &self,
-        buses: &[Bus],
+        buses: Buses<'_>,
         first: Option<Timestamp>,
         capture: &str,
         output: &mut String,

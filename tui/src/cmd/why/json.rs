@@ -2,7 +2,7 @@
 
 use cobscope_decoder::event::{Certainty, Event};
 use cobscope_decoder::frame::{BusIndex, Timestamp};
-use cobscope_decoder::session::Bus;
+use cobscope_decoder::session::{Bus, Buses};
 use cobscope_decoder::sink::jsonl::Jsonl;
 use cobscope_decoder::why::{Grade, Moment, NodeState, PointState, Quiet, Report, Rhythm};
 use cobscope_decoder::wire::NodeId;
@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 /// One line, without its end. Events are put in as they are: their times have more digits than a float.
 pub(super) fn line(
     report: &Report,
-    buses: &[Bus],
+    buses: Buses<'_>,
     first: Option<Timestamp>,
     at: Option<&str>,
     capture: &str,
@@ -62,7 +62,7 @@ fn list(values: impl Iterator<Item = Value>) -> String {
 }
 
 struct Page<'a> {
-    buses: &'a [Bus],
+    buses: Buses<'a>,
     first: Option<Timestamp>,
 }
 

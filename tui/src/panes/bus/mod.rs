@@ -14,7 +14,7 @@ mod axis;
 mod figures;
 
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::session::Bus;
+use cobscope_decoder::session::{Bus, Buses};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::words::plural;
 use ratatui::buffer::Buffer;
@@ -261,7 +261,7 @@ impl Pane for BusPane {
     fn render(&self, core: &Core, area: Rect, buf: &mut Buffer) {
         let survey = core.timeline.survey();
         let world = last_world(core);
-        let buses = world.as_ref().map_or(&[][..], |world| world.buses());
+        let buses = world.as_ref().map_or(Buses::default(), |world| world.buses());
         let place = self.bus.min(buses.len().saturating_sub(1));
         let (bus, steps) = (buses.get(place), survey.load.get(place));
         let axis = self.axis(core, area.width).filter(|_| steps.is_some());
@@ -345,7 +345,7 @@ impl BusPane {
     fn last_scroll(&self, core: &Core) -> usize {
         let survey: &Survey = &core.timeline.survey();
         let world = last_world(core);
-        let buses = world.as_ref().map_or(&[][..], |world| world.buses());
+        let buses = world.as_ref().map_or(Buses::default(), |world| world.buses());
         let place = self.bus.min(buses.len().saturating_sub(1));
         let area = Rect::new(0, 0, core.width, core.height);
         let has_errors = survey.load.iter().any(|load| load.steps().iter().any(|step| step.errors > 0));

@@ -2,6 +2,7 @@
 
 use cobscope_decoder::profile::{PdoDirection, Role as FieldRole};
 use cobscope_decoder::replay::World;
+use cobscope_decoder::session::Buses;
 use cobscope_decoder::wire::NodeId;
 
 use super::line::Key;
@@ -23,7 +24,7 @@ pub(super) fn filter_of(core: &Core, (index, id): NodeKey) -> String {
         NodeId::Canopen(id) => format!("node == {id}"),
         NodeId::J1939(address) => format!("source_address == 0x{address:02X}"),
     };
-    let buses = core.world().map_or(&[][..], World::buses);
+    let buses = core.world().map_or_else(Buses::default, World::buses);
     match buses.iter().find(|bus| bus.index() == index).filter(|_| buses.len() > 1) {
         Some(bus) => format!("{node} && bus == {:?}", bus.name()),
         None => node,

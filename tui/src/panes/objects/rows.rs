@@ -7,7 +7,7 @@
 use std::cmp::Ordering;
 
 use cobscope_decoder::profile::{Dictionary, Meaning, Value, integer};
-use cobscope_decoder::session::{Bus, Entry, Node};
+use cobscope_decoder::session::{Bus, Buses, Entry, Node};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::canopen::ObjectAddress;
 use cobscope_decoder::words::plural;
@@ -49,7 +49,7 @@ impl Known<'_> {
 
 /// Nodes of which objects are known.
 pub(super) fn nodes(core: &Core) -> Vec<NodeKey> {
-    let buses = core.world().map_or(&[][..], |world| world.buses());
+    let buses = core.world().map_or(Buses::default(), |world| world.buses());
     let of = |bus: &Bus| {
         let nodes = bus.nodes().filter(|node| !node.store().is_empty());
         nodes.map(|node| (bus.index(), node.id())).collect::<Vec<_>>()

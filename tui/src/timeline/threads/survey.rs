@@ -10,7 +10,7 @@ use cobscope_decoder::event::{
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::replay::{Spot, Told};
 use cobscope_decoder::rules::{Engine, Setup};
-use cobscope_decoder::session::Bus;
+use cobscope_decoder::session::{Bus, Buses};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::text::Line;
 use cobscope_decoder::statistics::Statistics;
@@ -84,7 +84,7 @@ struct Surveyor {
 
 impl Surveyor {
     /// Lets time go on to where the buses are.
-    fn advance(&mut self, buses: &[Bus]) {
+    fn advance(&mut self, buses: Buses<'_>) {
         for bus in buses {
             self.engine.advance(bus, &mut |_: &Event, _: &Bus| ());
         }
@@ -164,7 +164,7 @@ impl Surveyor {
         survey.statistics.clone_from(&self.statistics);
     }
 
-    fn finish(self, shared: &Shared, buses: &[Bus], names: Vec<String>) {
+    fn finish(self, shared: &Shared, buses: Buses<'_>, names: Vec<String>) {
         let findings = self.engine.finish(buses, &mut |_: &Event, _: &Bus| ());
         let mut places = Vec::new();
         for group in findings.counting() {

@@ -2,22 +2,16 @@
 
 use super::transfer::{Stage, Transfer};
 use crate::event::{Abort, Direction, Mode, Outcome, SdoIrregularityKind};
-use crate::frame::{CanId, Frame};
+use crate::frame::Frame;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::{Payload, Sdo, Side};
 
 /// Abort code: toggle bit not alternated (CiA 301 §7.2.4.3.17).
 const TOGGLE_NOT_ALTERNATED: u32 = 0x0503_0000;
 
-/// A pair of identifiers between one client and one server.
-#[derive(Debug, Clone)]
+/// The open transfer of a channel.
+#[derive(Debug, Clone, Default)]
 pub(super) struct Channel {
-    pub(super) request: CanId,
-    pub(super) response: CanId,
-    pub(super) server: u8,
-    pub(super) client: Option<u8>,
-    /// Server parameter 0x1200..=0x127F it comes from.
-    pub(super) parameter: u16,
     pub(super) transfer: Option<Box<Transfer>>,
     pub(super) deadline: Option<i64>,
     pub(super) queued: bool,

@@ -3,7 +3,7 @@
 use super::block::Blocks;
 use crate::event::{Abort, Crc, Direction, FrameRange, Mode, Outcome, SdoIrregularity, SdoIrregularityKind};
 use crate::frame::Frame;
-use crate::session::TRANSFER_DATA_LIMIT;
+use crate::session::limits::TRANSFER_DATA_LIMIT;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::{Segment, Side};
 

@@ -1,7 +1,7 @@
 //! Messages of more than eight bytes: many frames become one transfer.
 //!
 //! ```text
-//! Bus::on_transport ─▶ wire::j1939::management, packet ─▶ Transports, Session ─▶ irregularities at once
+//! Transports::on_frame ─▶ wire::j1939::management, packet ─▶ Sessions, Session ─▶ irregularities at once
 //!                                                           Received: its packets └▶ j1939-transfer at its end
 //! ```
 //!
@@ -12,17 +12,18 @@ mod received;
 mod session;
 mod sessions;
 
-pub(in crate::session) use sessions::Transports;
-
 use session::{Ending, Odd, Opening, SHORTEST, Session, Step};
-use sessions::{Due, Key};
+use sessions::{Due, Key, Sessions};
 
 use crate::event::{
     EventKind, Irregularity, IrregularityKind, J1939Transfer, Outcome, TransportAbort, TransportMode,
 };
 use crate::frame::{Frame, FrameFlags};
+use crate::session::bus::Bus;
+use crate::session::context::Context;
+use crate::session::j1939::payload::TransferPayload;
+use crate::session::machine::{Machine, Timed};
 use crate::session::timers::Subject;
-use crate::session::{Bus, Observer};
 use crate::wire::Malformed;
 use crate::wire::j1939::{
     ALL, ETP_SIZES, J1939Id, Management, PACKET_SIZE, Pgn, TP_SIZES, management, packet, packets_of,
@@ -55,83 +56,137 @@ const fn is_extended(pgn: Pgn) -> bool {
     matches!(pgn, Pgn::ETP_CM | Pgn::ETP_DT)
 }
 
-impl Bus {
+/// Transfers of several packets.
+#[derive(Debug, Clone, Default)]
+pub(in crate::session) struct Transports {
+    sessions: Sessions,
+}
+
+impl Machine for Transports {
+    type Route<'a> = J1939Id;
+    /// The payload of the transfer that the frame ends.
+    type Product = Option<TransferPayload>;
+
     /// A frame of a transport protocol; it makes no event by itself unless something is irregular.
-    pub(super) fn on_transport(&mut self, id: J1939Id, frame: &Frame, out: &mut dyn Observer) {
+    fn on_frame(&mut self, id: J1939Id, frame: &Frame, cx: &mut Context<'_>) -> Self::Product {
         if frame.flags.contains(FrameFlags::REMOTE) {
-            return self.undecoded(frame, None, out);
+            cx.emit_undecoded(frame, None);
+            return None;
         }
         let is_extended = is_extended(id.pgn);
         if matches!(id.pgn, Pgn::TP_DT | Pgn::ETP_DT) {
-            match packet(frame.data(), is_extended) {
+            return match packet(frame.data(), is_extended) {
                 Ok((sequence, bytes)) => {
                     let message = if is_extended { "ETP.DT" } else { "TP.DT" };
-                    self.on_packet(Part { id, pgn: None, message, frame }, sequence, &bytes, out);
+                    self.on_packet(Part { id, pgn: None, message, frame }, sequence, &bytes, cx)
                 }
-                Err(error) => self.malformed_j1939(id, error, "a data packet has eight bytes", frame, out),
-            }
-            return;
+                Err(error) => {
+                    cx.emit_malformed_j1939(id, error, "a data packet has eight bytes", frame);
+                    None
+                }
+            };
         }
         match management(frame.data(), is_extended) {
             Ok((message, pgn)) => {
                 let name = message.name(is_extended);
-                self.on_management(Part { id, pgn: Some(pgn), message: name, frame }, message, pgn, out);
+                self.on_management(Part { id, pgn: Some(pgn), message: name, frame }, message, pgn, cx)
             }
             Err(error) => {
-                self.malformed_j1939(id, error, "connection management has eight bytes", frame, out);
+                cx.emit_malformed_j1939(id, error, "connection management has eight bytes", frame);
+                None
             }
         }
     }
 
-    fn on_management(&mut self, part: Part<'_>, message: Management, pgn: Pgn, out: &mut dyn Observer) {
-        let now = self.clock.now();
+    fn on_silence(&mut self, delay: i64, _: &mut Bus) {
+        self.sessions.postpone(delay);
+    }
+
+    /// Open transfers are unfinished.
+    fn on_end(&mut self, cx: &mut Context<'_>) {
+        let frame = cx.last_frame();
+        for session in self.sessions.drain() {
+            emit_transfer(session, Ending::Unfinished, &frame, cx);
+        }
+    }
+
+    fn footprint(&self) -> usize {
+        self.sessions.footprint()
+    }
+}
+
+impl Timed for Transports {
+    /// Place of a session.
+    type Deadline = u16;
+
+    fn on_deadline(&mut self, place: u16, now: i64, cx: &mut Context<'_>) -> Self::Product {
+        match self.sessions.due(place, now) {
+            Due::Nothing => {}
+            Due::Later(deadline) => {
+                let soonest = now.saturating_add(SHORTEST);
+                cx.timers.add(deadline.min(soonest), Subject::Transport(place));
+            }
+            Due::Over(session, deadline) => {
+                cx.bus.open_transfers.set(place, None);
+                let time = cx.bus.clock.stamp_of(deadline);
+                let frame = Frame { number: session.frames.last, time, ..Frame::EMPTY };
+                return emit_transfer(session, Ending::Timeout, &frame, cx);
+            }
+        }
+        None
+    }
+}
+
+impl Transports {
+    fn on_management(
+        &mut self,
+        part: Part<'_>,
+        message: Management,
+        pgn: Pgn,
+        cx: &mut Context<'_>,
+    ) -> Option<TransferPayload> {
+        let now = cx.bus.clock.now();
         let is_extended = is_extended(part.id.pgn);
         let (frame, sent, received) = (part.frame, part.sent(), part.received());
         match message {
             Management::RequestToSend { size, packets } => {
                 let mode = if is_extended { TransportMode::Extended } else { TransportMode::Connection };
-                self.on_opening(part, Opening { mode, pgn, size, packets }, out);
+                self.on_opening(part, Opening { mode, pgn, size, packets }, cx);
+                None
             }
             Management::Announce { size, packets } => {
                 let mode = TransportMode::Broadcast;
-                self.on_opening(part, Opening { mode, pgn, size, packets }, out);
+                self.on_opening(part, Opening { mode, pgn, size, packets }, cx);
+                None
             }
             Management::ClearToSend { count, next } => {
-                self.transport_step(part, received, |session| session.clear(count, next, frame, now), out);
+                self.transport_step(part, received, |session| session.clear(count, next, frame, now), cx)
             }
             Management::EndOfMessage { size } => {
-                self.transport_step(part, received, |session| session.acknowledged(size, frame, now), out);
+                self.transport_step(part, received, |session| session.acknowledged(size, frame, now), cx)
             }
-            Management::PacketOffset { count, offset } => {
-                self.transport_step(
-                    part,
-                    sent,
-                    |session| session.packet_offset(count, offset, frame, now),
-                    out,
-                );
-            }
+            Management::PacketOffset { count, offset } => self.transport_step(
+                part,
+                sent,
+                |session| session.packet_offset(count, offset, frame, now),
+                cx,
+            ),
             Management::Abort { reason } => {
                 let by_sender = !self.has_transport(received, pgn);
                 let key = if by_sender { sent } else { received };
                 let abort = TransportAbort { reason, by_sender };
-                self.transport_step(part, key, |session| session.aborted(abort, frame), out);
+                self.transport_step(part, key, |session| session.aborted(abort, frame), cx)
             }
             Management::Unknown => {
-                self.contradicts(part, "unknown control byte of connection management", out);
+                emit_contradiction(part, "unknown control byte of connection management", cx);
+                None
             }
         }
     }
 
-    /// A frame whose bytes are enough, and contradict the protocol or each other.
-    fn contradicts(&self, part: Part<'_>, reason: &'static str, out: &mut dyn Observer) {
-        let layer = if is_extended(part.id.pgn) { "etp.cm" } else { "tp.cm" };
-        let error = Malformed { layer, offset: 0, needed: 0, available: part.frame.length };
-        self.malformed_j1939(part.id, error, reason, part.frame, out);
-    }
-
     /// Whether a transfer is open that can be about a group.
     fn has_transport(&self, key: Key, pgn: Pgn) -> bool {
-        let open = self.transports.find(key).and_then(|place| self.transports.get(place));
+        let open = self.sessions.find(key).and_then(|place| self.sessions.get(place));
         open.is_some_and(|session| session.pgn.is_none_or(|open| open == pgn))
     }
 
@@ -141,73 +196,94 @@ impl Bus {
         part: Part<'_>,
         key: Key,
         take: impl FnOnce(&mut Session) -> Step,
-        out: &mut dyn Observer,
-    ) {
+        cx: &mut Context<'_>,
+    ) -> Option<TransferPayload> {
         let place =
-            self.transports.find(key).filter(|_| part.pgn.is_some_and(|pgn| self.has_transport(key, pgn)));
-        let open = place.and_then(|place| Some((place, self.transports.get_mut(place)?)));
+            self.sessions.find(key).filter(|_| part.pgn.is_some_and(|pgn| self.has_transport(key, pgn)));
+        let open = place.and_then(|place| Some((place, self.sessions.get_mut(place)?)));
         let Some((place, session)) = open else {
             let odd = Odd::new(IrregularityKind::Unexpected, None, None);
-            return self.say_odd(part, odd, out);
+            emit_irregularity(part, odd, cx);
+            return None;
         };
         session.pgn = session.pgn.or(part.pgn);
         let step = take(session);
         let about = Part { pgn: session.pgn, ..part };
-        self.after_transport(about, place, step, out);
+        cx.bus.open_transfers.set(place, Some((key.source, session.pgn)));
+        self.after_frame(about, place, step, cx)
     }
 
     /// The sender of a message asks for a connection, or announces a broadcast.
-    fn on_opening(&mut self, part: Part<'_>, opening: Opening, out: &mut dyn Observer) {
-        let now = self.clock.now();
+    fn on_opening(&mut self, part: Part<'_>, opening: Opening, cx: &mut Context<'_>) {
+        let now = cx.bus.clock.now();
         if let Some(reason) = contradiction(part.id, opening) {
-            self.contradicts(part, reason, out);
+            emit_contradiction(part, reason, cx);
         }
         let is_broadcast = opening.mode == TransportMode::Broadcast;
         if opening.packets == 0 || opening.size == 0 || is_broadcast != (part.id.destination == ALL) {
             // Nothing that follows could belong to it.
             return;
         }
-        if let Some(place) = self.transports.find(part.sent()) {
-            if let Some(session) = self.transports.get_mut(place)
+        if let Some(place) = self.sessions.find(part.sent()) {
+            if let Some(session) = self.sessions.get_mut(place)
                 && session.is_asked_again(opening)
             {
                 session.asked_again(part.frame, now);
                 let odd = Odd::new(IrregularityKind::Retransmission, None, None);
-                return self.say_odd(part, odd, out);
+                return emit_irregularity(part, odd, cx);
             }
-            if let Some(session) = self.transports.close(place) {
-                self.finish_transport(session, Ending::Superseded, part.frame, out);
-            }
+            self.close(place, Ending::Superseded, part.frame, cx);
         }
         let session = Session::new(opening, part.id, part.frame, now);
-        self.open_transport(part, session, out);
+        self.open(part, session, cx);
     }
 
-    fn open_transport(&mut self, part: Part<'_>, session: Session, out: &mut dyn Observer) -> u16 {
-        let (place, given_up) = self.transports.open(part.sent(), session);
-        if let Some(given_up) = given_up {
+    fn open(&mut self, part: Part<'_>, session: Session, cx: &mut Context<'_>) -> u16 {
+        let (key, pgn) = (part.sent(), session.pgn);
+        let (place, evicted) = self.sessions.open(key, session);
+        cx.bus.open_transfers.set(place, Some((key.source, pgn)));
+        if let Some(evicted) = evicted {
             let kind = EventKind::Evicted { what: "J1939 transfer", count: 1 };
-            self.emit_j1939(part.frame, given_up.id(), kind, out);
+            cx.emit_j1939(part.frame, evicted.id(), kind);
         }
-        self.arm_transport(place);
+        self.arm(place, cx);
         place
     }
 
-    fn on_packet(&mut self, part: Part<'_>, sequence: u8, bytes: &[u8; 7], out: &mut dyn Observer) {
-        let now = self.clock.now();
-        let mut place = self.transports.find(part.sent());
+    /// Takes a transfer out and emits it.
+    fn close(
+        &mut self,
+        place: u16,
+        ending: Ending,
+        frame: &Frame,
+        cx: &mut Context<'_>,
+    ) -> Option<TransferPayload> {
+        let session = self.sessions.close(place)?;
+        cx.bus.open_transfers.set(place, None);
+        emit_transfer(session, ending, frame, cx)
+    }
+
+    fn on_packet(
+        &mut self,
+        part: Part<'_>,
+        sequence: u8,
+        bytes: &[u8; 7],
+        cx: &mut Context<'_>,
+    ) -> Option<TransferPayload> {
+        let now = cx.bus.clock.now();
+        let mut place = self.sessions.find(part.sent());
         if let Some(open) = place
-            && self.transports.get_mut(open).is_some_and(|session| session.begins_anew(sequence))
-            && let Some(session) = self.transports.close(open)
+            && self.sessions.get_mut(open).is_some_and(|session| session.begins_anew(sequence))
         {
-            self.finish_transport(session, Ending::Superseded, part.frame, out);
+            self.close(open, Ending::Superseded, part.frame, cx);
             place = None;
         }
         let place = match place {
             Some(place) => place,
             None if sequence == 0 => {
                 let odd = Odd::new(IrregularityKind::Unexpected, Some(0), None);
-                return self.say_odd(part, odd, out);
+                emit_irregularity(part, odd, cx);
+                return None;
             }
             None => {
                 let mode = match (is_extended(part.id.pgn), part.id.destination) {
@@ -216,150 +292,136 @@ impl Bus {
                     (false, _) => TransportMode::Connection,
                 };
                 let session = Session::cut(mode, part.id, sequence, part.frame, now);
-                self.open_transport(part, session, out)
+                self.open(part, session, cx)
             }
         };
-        let Some(session) = self.transports.get_mut(place) else { return };
+        let session = self.sessions.get_mut(place)?;
         let before = session.received.held();
         let step = session.packet(sequence, bytes, part.frame, now);
         let about = Part { pgn: session.pgn, ..part };
-        if self.transports.grew(place, before) {
+        if self.sessions.grew(place, before) {
             let kind = EventKind::Evicted { what: "data of open J1939 transfers", count: 1 };
-            self.emit_j1939(part.frame, part.id, kind, out);
+            cx.emit_j1939(part.frame, part.id, kind);
         }
-        self.after_transport(about, place, step, out);
+        self.after_frame(about, place, step, cx)
     }
 
-    /// Says what is irregular about a frame, and ends the transfer where the frame ends it.
-    fn after_transport(&mut self, part: Part<'_>, place: u16, step: Step, out: &mut dyn Observer) {
+    /// Reports what is irregular about a frame, and ends the transfer where the frame ends it.
+    fn after_frame(
+        &mut self,
+        part: Part<'_>,
+        place: u16,
+        step: Step,
+        cx: &mut Context<'_>,
+    ) -> Option<TransferPayload> {
         for odd in [step.late, step.odd].into_iter().flatten() {
-            self.say_odd(part, odd, out);
+            emit_irregularity(part, odd, cx);
         }
         match step.end {
-            Some(ending) => {
-                if let Some(session) = self.transports.close(place) {
-                    self.finish_transport(session, ending, part.frame, out);
-                }
+            Some(ending) => self.close(place, ending, part.frame, cx),
+            None => {
+                self.arm(place, cx);
+                None
             }
-            None => self.arm_transport(place),
         }
     }
 
-    fn say_odd(&self, part: Part<'_>, odd: Odd, out: &mut dyn Observer) {
-        let irregularity = Irregularity {
-            what: odd.what,
-            message: part.message,
-            pgn: part.pgn,
-            source: Some(part.id.source),
-            destination: Some(part.id.destination),
-            packet: odd.packet,
-            expected: odd.expected,
-            timer: odd.late.map(|(timer, _)| timer),
-            delay: odd.late.map(|(_, delay)| delay),
-        };
-        let kind = EventKind::TransportIrregularity(Box::new(irregularity));
-        self.emit_j1939(part.frame, part.id, kind, out);
-    }
-
-    /// Sees to it that a transfer has an entry in the timer queue. It lies at the shortest time-out, so that a
-    /// deadline that moves never lies before it.
-    fn arm_transport(&mut self, place: u16) {
-        if self.clock.runs()
-            && let Some(deadline) = self.transports.queue(place)
+    /// Ensures that a transfer has an entry in the timer queue. It is at the shortest time-out, so that a deadline that
+    /// moves is never before it.
+    fn arm(&mut self, place: u16, cx: &mut Context<'_>) {
+        if cx.bus.clock.runs()
+            && let Some(deadline) = self.sessions.queue(place)
         {
-            let soonest = self.clock.now().saturating_add(SHORTEST);
-            self.timers.add(deadline.min(soonest), Subject::Transport(place));
+            let soonest = cx.bus.clock.now().saturating_add(SHORTEST);
+            cx.timers.add(deadline.min(soonest), Subject::Transport(place));
         }
     }
+}
 
-    /// The entry of a place in the timer queue came due.
-    pub(in crate::session) fn transport_deadline(&mut self, place: u16, now: i64, out: &mut dyn Observer) {
-        match self.transports.due(place, now) {
-            Due::Nothing => {}
-            Due::Later(deadline) => {
-                let soonest = now.saturating_add(SHORTEST);
-                self.timers.add(deadline.min(soonest), Subject::Transport(place));
-            }
-            Due::Over(session, deadline) => {
-                let time = self.clock.stamp_of(deadline);
-                let frame = Frame { number: session.frames.last, time, ..Frame::EMPTY };
-                self.finish_transport(session, Ending::Timeout, &frame, out);
-            }
-        }
-    }
+/// A frame whose bytes are enough, and contradict the protocol or each other.
+fn emit_contradiction(part: Part<'_>, reason: &'static str, cx: &mut Context<'_>) {
+    let layer = if is_extended(part.id.pgn) { "etp.cm" } else { "tp.cm" };
+    let error = Malformed { layer, offset: 0, needed: 0, available: part.frame.length };
+    cx.emit_malformed_j1939(part.id, error, reason, part.frame);
+}
 
-    /// The capture ends: open transfers are unfinished.
-    pub(in crate::session) fn finish_transports(&mut self, out: &mut dyn Observer) {
-        let frame = Frame { number: self.last_frame, time: self.last_time, ..Frame::EMPTY };
-        for session in self.transports.drain() {
-            self.finish_transport(session, Ending::Unfinished, &frame, out);
-        }
-    }
+fn emit_irregularity(part: Part<'_>, odd: Odd, cx: &mut Context<'_>) {
+    let irregularity = Irregularity {
+        what: odd.what,
+        message: part.message,
+        pgn: part.pgn,
+        source: Some(part.id.source),
+        destination: Some(part.id.destination),
+        packet: odd.packet,
+        expected: odd.expected,
+        timer: odd.late.map(|(timer, _)| timer),
+        delay: odd.late.map(|(_, delay)| delay),
+    };
+    let kind = EventKind::TransportIrregularity(Box::new(irregularity));
+    cx.emit_j1939(part.frame, part.id, kind);
+}
 
-    /// Emits a transfer. `frame` is the one that ended it.
-    fn finish_transport(
-        &mut self,
-        session: Box<Session>,
-        ending: Ending,
-        frame: &Frame,
-        out: &mut dyn Observer,
-    ) {
-        let (id, frames) = (session.id(), session.frames);
-        let transfer = self.transport_event(session, ending);
-        let mut event = self.j1939_event(frame, id, EventKind::J1939Transfer(Box::new(transfer)));
-        event.frames = frames;
-        out.event(&event, self);
-        let EventKind::J1939Transfer(transfer) = event.kind else { return };
-        // An answer the capture lacks makes the data no less whole.
-        if !transfer.truncated && matches!(transfer.outcome, Outcome::Complete | Outcome::Timeout) {
-            self.on_j1939_payload(id, &transfer.data, frames, frame, out);
-        }
-    }
+/// Emits a transfer; its payload where all of it was transferred. `frame` is the one that ended it.
+fn emit_transfer(
+    session: Box<Session>,
+    ending: Ending,
+    frame: &Frame,
+    cx: &mut Context<'_>,
+) -> Option<TransferPayload> {
+    let (id, frames) = (session.id(), session.frames);
+    let transfer = describe(cx.bus, session, ending);
+    let mut event = cx.j1939_event(frame, id, EventKind::J1939Transfer(Box::new(transfer)));
+    event.frames = frames;
+    cx.send(&event);
+    let EventKind::J1939Transfer(transfer) = event.kind else { return None };
+    // A response that the capture lacks makes the data no less whole.
+    let is_whole = !transfer.truncated && matches!(transfer.outcome, Outcome::Complete | Outcome::Timeout);
+    is_whole.then(|| TransferPayload { id, data: transfer.data, frames, frame: *frame })
+}
 
-    /// A transfer as an event; its data moves there.
-    fn transport_event(&self, mut session: Box<Session>, ending: Ending) -> J1939Transfer {
-        let is_whole = session.is_whole();
-        let outcome = match ending {
-            Ending::Last if is_whole => Outcome::Complete,
-            // Of one without start nobody knows what its end should have been.
-            Ending::Timeout | Ending::Superseded if session.cut_start => Outcome::Incomplete,
-            Ending::Last => Outcome::Incomplete,
-            Ending::Abort(_) => Outcome::Aborted,
-            Ending::Timeout => Outcome::Timeout,
-            Ending::Superseded => Outcome::Superseded,
-            Ending::Unfinished => Outcome::Unfinished,
-        };
-        let data = session.received.take_data(session.announced);
-        let has_all = is_whole && session.announced.is_some_and(|size| u32::try_from(data.len()) == Ok(size));
-        let known = session.pgn.map(|_| self.group(session.id(), data.len()));
-        let (name, layout) = known.map_or((None, None), |group| (group.name, group.layout));
-        J1939Transfer {
-            mode: Some(session.mode),
-            pgn: session.pgn,
-            name,
-            priority: session.id().priority,
-            source: session.id().source,
-            destination: session.id().destination,
-            announced: session.announced,
-            packets: session.packets,
-            size: session.received.size(),
-            missing: session.missing(),
-            repeated: session.received.repeated(),
-            spacing: session.spacing,
-            data,
-            truncated: !has_all,
-            layout: layout.filter(|_| has_all),
-            duration: session.duration(),
-            outcome,
-            timer: (outcome == Outcome::Timeout).then_some(session.timer),
-            abort: match ending {
-                Ending::Abort(abort) => Some(abort),
-                _ => None,
-            },
-            cut_start: session.cut_start,
-            cut_end: ending == Ending::Unfinished,
-            frame_count: session.frame_count,
-        }
+/// A transfer as an event; its data moves there.
+fn describe(bus: &Bus, mut session: Box<Session>, ending: Ending) -> J1939Transfer {
+    let is_whole = session.is_whole();
+    let outcome = match ending {
+        Ending::Last if is_whole => Outcome::Complete,
+        // Of one without start nobody knows what its end should have been.
+        Ending::Timeout | Ending::Superseded if session.cut_start => Outcome::Incomplete,
+        Ending::Last => Outcome::Incomplete,
+        Ending::Abort(_) => Outcome::Aborted,
+        Ending::Timeout => Outcome::Timeout,
+        Ending::Superseded => Outcome::Superseded,
+        Ending::Unfinished => Outcome::Unfinished,
+    };
+    let data = session.received.take_data(session.announced);
+    let has_all = is_whole && session.announced.is_some_and(|size| u32::try_from(data.len()) == Ok(size));
+    let known = session.pgn.map(|_| bus.group(session.id(), data.len()));
+    let (name, layout) = known.map_or((None, None), |group| (group.name, group.layout));
+    J1939Transfer {
+        mode: Some(session.mode),
+        pgn: session.pgn,
+        name,
+        priority: session.id().priority,
+        source: session.id().source,
+        destination: session.id().destination,
+        announced: session.announced,
+        packets: session.packets,
+        size: session.received.size(),
+        missing: session.missing(),
+        repeated: session.received.repeated(),
+        spacing: session.spacing,
+        data,
+        truncated: !has_all,
+        layout: layout.filter(|_| has_all),
+        duration: session.duration(),
+        outcome,
+        timer: (outcome == Outcome::Timeout).then_some(session.timer),
+        abort: match ending {
+            Ending::Abort(abort) => Some(abort),
+            _ => None,
+        },
+        cut_start: session.cut_start,
+        cut_end: ending == Ending::Unfinished,
+        frame_count: session.frame_count,
     }
 }
 

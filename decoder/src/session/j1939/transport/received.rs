@@ -10,7 +10,7 @@
 //! what lies farther back than 256 packets is not asked for any more, and one that comes all the same
 //! counts as repeated.
 
-use crate::session::TRANSFER_DATA_LIMIT;
+use crate::session::limits::TRANSFER_DATA_LIMIT;
 use crate::wire::j1939::PACKET_SIZE;
 
 /// Packets whose sight is remembered one by one.

@@ -5,8 +5,7 @@ use std::collections::HashMap;
 use foldhash::fast::FixedState;
 
 use super::session::Session;
-use crate::session::{OPEN_DATA_LIMIT, TRANSPORT_LIMIT};
-use crate::wire::j1939::Pgn;
+use crate::session::limits::{OPEN_DATA_LIMIT, TRANSPORT_LIMIT};
 
 /// What one transfer at a time can have: its sender, its destination (255 for a broadcast), and the protocol.
 /// J1939-21 §5.10.3 allows one connection in a direction, and one broadcast of a sender.
@@ -36,7 +35,7 @@ pub(super) enum Due {
 
 /// Open transfers of a bus.
 #[derive(Debug, Clone, Default)]
-pub(in crate::session) struct Transports {
+pub(in crate::session) struct Sessions {
     places: Vec<Place>,
     by_key: HashMap<Key, u16, FixedState>,
     free: Vec<u16>,
@@ -44,7 +43,7 @@ pub(in crate::session) struct Transports {
     open_bytes: usize,
 }
 
-impl Transports {
+impl Sessions {
     /// Place of a transfer.
     pub(super) fn find(&self, key: Key) -> Option<u16> {
         self.by_key.get(&key).copied()
@@ -52,12 +51,6 @@ impl Transports {
 
     pub(super) fn get(&self, place: u16) -> Option<&Session> {
         self.places.get(usize::from(place))?.open.as_ref().map(|(_, session)| &**session)
-    }
-
-    /// Whether a transfer of an address is open that can be about a group.
-    pub(in crate::session) fn has_of(&self, source: u8, pgn: Pgn) -> bool {
-        let mut open = self.places.iter().filter_map(|place| place.open.as_ref());
-        open.any(|(key, session)| key.source == source && session.pgn.is_none_or(|own| own == pgn))
     }
 
     pub(super) fn get_mut(&mut self, place: u16) -> Option<&mut Session> {

@@ -1,0 +1,99 @@
+//! Messages that must come again within the time the device's manual gives: their last intervals.
+
+use std::sync::Arc;
+
+use crate::event::{EventKind, MessageGap};
+use crate::wire::NodeId;
+use crate::wire::j1939::J1939Id;
+
+/// Intervals the usual one is taken of.
+const INTERVALS: usize = 8;
+
+/// What is remembered of such a message.
+#[derive(Debug, Clone)]
+pub(in crate::session) struct Cadence {
+    /// Device whose manual says so.
+    pub(in crate::session) node: NodeId,
+    /// Its name in the profile.
+    pub(in crate::session) name: Arc<str>,
+    pub(in crate::session) title: String,
+    /// Nanoseconds permitted.
+    pub(in crate::session) limit: i64,
+    pub(in crate::session) id: J1939Id,
+    /// Monotonic time of the last one, and its frame.
+    pub(in crate::session) last: i64,
+    pub(in crate::session) last_frame: u64,
+    /// Last intervals, newest first; 0 for none.
+    pub(in crate::session) intervals: [i64; INTERVALS],
+    pub(in crate::session) is_overdue: bool,
+    pub(in crate::session) is_queued: bool,
+}
+
+impl Cadence {
+    pub(in crate::session) fn new(
+        node: NodeId,
+        name: Arc<str>,
+        title: String,
+        milliseconds: u32,
+        id: J1939Id,
+    ) -> Self {
+        Self {
+            node,
+            name,
+            title,
+            limit: i64::from(milliseconds) * 1_000_000,
+            id,
+            last: 0,
+            last_frame: 0,
+            intervals: [0; INTERVALS],
+            is_overdue: false,
+            is_queued: false,
+        }
+    }
+
+    /// Device whose manual gives a time, and that time in nanoseconds.
+    pub(in crate::session) fn limit(&self) -> (NodeId, i64) {
+        (self.node, self.limit)
+    }
+
+    /// Its name in the profile.
+    pub(in crate::session) fn name(&self) -> &Arc<str> {
+        &self.name
+    }
+
+    /// Monotonic time of the last one.
+    pub(in crate::session) fn last(&self) -> Option<i64> {
+        (self.last_frame != 0).then_some(self.last)
+    }
+
+    /// All traffic stopped for so long: the time does not count.
+    pub(in crate::session) fn postpone(&mut self, delay: i64) {
+        if !self.is_overdue {
+            self.last = self.last.saturating_add(delay);
+        }
+    }
+
+    /// Median of the last intervals, and the largest deviation from it; not of fewer than three.
+    pub(in crate::session) fn usual(&self) -> Option<(i64, i64)> {
+        let mut sorted: Vec<i64> = self.intervals.iter().copied().filter(|interval| *interval > 0).collect();
+        if sorted.len() < 3 {
+            return None;
+        }
+        sorted.sort_unstable();
+        let median = *sorted.get(sorted.len() / 2)?;
+        let deviation = sorted.iter().map(|interval| interval.abs_diff(median)).max()?;
+        Some((median, i64::try_from(deviation).unwrap_or(i64::MAX)))
+    }
+
+    pub(in crate::session) fn gap(&self, now: i64, came_again: bool) -> EventKind {
+        EventKind::MessageGap(Box::new(MessageGap {
+            message: self.title.clone(),
+            pgn: self.id.pgn,
+            source: self.id.source,
+            gap: now.saturating_sub(self.last),
+            limit: self.limit,
+            usual: self.usual(),
+            came_again,
+        }))
+    }
+}

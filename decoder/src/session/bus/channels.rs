@@ -1,0 +1,102 @@
+//! SDO channels of a bus: which identifiers belong together, and whose they are.
+
+use crate::frame::CanId;
+use crate::session::limits::CHANNEL_LIMIT;
+
+/// A pair of identifiers between one client and one server.
+#[derive(Debug, Clone)]
+struct SdoChannel {
+    request: CanId,
+    response: CanId,
+    server: u8,
+    client: Option<u8>,
+    /// Server parameter 0x1200..=0x127F it is described by.
+    parameter: u16,
+}
+
+/// All channels of a bus; a channel's number is its place.
+#[derive(Debug, Clone, Default)]
+pub(in crate::session) struct SdoChannels {
+    list: Vec<SdoChannel>,
+    has_refused: bool,
+}
+
+impl SdoChannels {
+    /// The channel every node has (0x600 and 0x580 + node-ID).
+    pub(in crate::session) fn default_channel(&mut self, node: u8) -> Option<u16> {
+        let id = |base: u16| CanId::standard(base + u16::from(node));
+        self.add(node, 0x1200, id(0x600), id(0x580), None)
+    }
+
+    /// A channel from a server parameter; its identifiers are replaced if it exists.
+    pub(in crate::session) fn add(
+        &mut self,
+        server: u8,
+        parameter: u16,
+        request: CanId,
+        response: CanId,
+        client: Option<u8>,
+    ) -> Option<u16> {
+        let known = self.list.iter().position(|it| (it.server, it.parameter) == (server, parameter));
+        let index = match known {
+            Some(index) => index,
+            None if self.list.len() < CHANNEL_LIMIT => {
+                self.list.push(SdoChannel { request, response, server, client, parameter });
+                self.list.len() - 1
+            }
+            None => {
+                self.has_refused = true;
+                return None;
+            }
+        };
+        let channel = self.list.get_mut(index)?;
+        (channel.request, channel.response, channel.client) = (request, response, client);
+        u16::try_from(index).ok()
+    }
+
+    /// The channel a client's parameter describes: the server's own where the identifiers are equal.
+    pub(in crate::session) fn of_client(
+        &mut self,
+        server: u8,
+        parameter: u16,
+        request: CanId,
+        response: CanId,
+        client: u8,
+    ) -> Option<u16> {
+        let same = |channel: &SdoChannel| (channel.request, channel.response) == (request, response);
+        if let Some(index) = self.list.iter().position(same) {
+            self.list.get_mut(index)?.client = Some(client);
+            return u16::try_from(index).ok();
+        }
+        self.add(server, parameter, request, response, Some(client))
+    }
+
+    fn get(&self, channel: u16) -> Option<&SdoChannel> {
+        self.list.get(usize::from(channel))
+    }
+
+    /// Node-ID of the server.
+    pub(in crate::session) fn server(&self, channel: u16) -> Option<u8> {
+        self.get(channel).map(|channel| channel.server)
+    }
+
+    /// Node-ID of the client, if configured.
+    pub(in crate::session) fn client(&self, channel: u16) -> Option<u8> {
+        self.get(channel)?.client
+    }
+
+    /// Identifiers of requests and responses.
+    pub(in crate::session) fn ids(&self, channel: u16) -> Option<(CanId, CanId)> {
+        self.get(channel).map(|channel| (channel.request, channel.response))
+    }
+
+    /// Whether the table was full for a channel since the last call.
+    pub(in crate::session) fn take_refused(&mut self) -> bool {
+        std::mem::take(&mut self.has_refused)
+    }
+
+    /// Bytes held.
+    pub(in crate::session) fn footprint(&self) -> usize {
+        self.list.capacity() * size_of::<SdoChannel>()
+    }
+}

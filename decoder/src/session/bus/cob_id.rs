@@ -1,0 +1,39 @@
+//! Identifiers in COB-ID objects, and those of the predefined connection set.
+
+use crate::frame::CanId;
+use crate::profile::{PdoDirection, PdoName};
+use crate::wire::NodeId;
+
+/// Bit 31 of a COB-ID: the service does not exist. Bit 29: the identifier has 29 bits.
+pub(in crate::session) const INVALID: u64 = 1 << 31;
+
+const EXTENDED: u64 = 1 << 29;
+
+/// The identifier in a COB-ID object; `None` while it is marked invalid.
+#[expect(clippy::cast_possible_truncation, reason = "masked to the identifier's width")]
+pub(in crate::session) fn identifier(cob_id: u64) -> Option<CanId> {
+    if cob_id & INVALID != 0 {
+        return None;
+    }
+    Some(if cob_id & EXTENDED != 0 { CanId::extended(cob_id as u32) } else { CanId::standard(cob_id as u16) })
+}
+
+/// The identifier of a COB-ID; `None` where it is marked invalid.
+pub(in crate::session) fn nonzero_identifier(cob_id: u64) -> Option<CanId> {
+    if cob_id & INVALID != 0 {
+        return None;
+    }
+    let number = u32::try_from(cob_id & 0x1FFF_FFFF).ok().filter(|number| *number != 0)?;
+    let standard = u16::try_from(number).ok().filter(|number| *number <= 0x7FF && cob_id & EXTENDED == 0);
+    Some(standard.map_or(CanId::extended(number), CanId::standard))
+}
+
+/// Identifier of a PDO by the predefined connection set (CiA 301 §7.3.3, table 39): four of each have one.
+pub(in crate::session) fn predefined(name: PdoName, node: NodeId) -> Option<CanId> {
+    let base = match name.direction {
+        PdoDirection::Transmit => 0x180,
+        PdoDirection::Receive => 0x200,
+    };
+    let step = name.number.checked_sub(1).filter(|step| *step < 4)?;
+    Some(CanId::standard(base + 0x100 * step + u16::from(node.number())))
+}

@@ -1,0 +1,205 @@
+//! What is remembered of a node as a J1939 device: its NAME and its trouble codes.
+
+use super::node::Node;
+use crate::event::DtcAction;
+use crate::session::limits::ACTIVE_ERROR_LIMIT;
+use crate::wire::j1939::{Lamps, Name, ReportedDtc, SpnConversion};
+
+/// State that belongs to the device, whatever its address.
+#[derive(Debug, Clone, Default)]
+pub(in crate::session) struct J1939State {
+    /// Its NAME, once it claimed an address.
+    pub(in crate::session) name: Option<Name>,
+    /// Another one that wants its address, and since when (monotonic); until it answers.
+    pub(in crate::session) challenged: Option<(Name, i64)>,
+    /// How it codes old SPNs, as the bus file says.
+    pub(in crate::session) conversion: Option<SpnConversion>,
+    /// Its trouble codes.
+    pub(in crate::session) faults: Faults,
+}
+
+impl J1939State {
+    /// Bytes held.
+    pub(in crate::session) fn footprint(&self) -> usize {
+        size_of::<Self>() + self.faults.footprint()
+    }
+}
+
+/// A code and since when it is known.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::session) struct KnownDtc {
+    pub(in crate::session) code: ReportedDtc,
+    pub(in crate::session) lamps: Lamps,
+    pub(in crate::session) first_frame: u64,
+    pub(in crate::session) last_frame: u64,
+    /// Monotonic time of the first frame.
+    pub(in crate::session) since: i64,
+    /// The list that is just read has it.
+    pub(in crate::session) is_listed: bool,
+}
+
+impl KnownDtc {
+    pub(in crate::session) fn new(code: ReportedDtc, lamps: Lamps, frame: u64, now: i64) -> Self {
+        Self { code, lamps, first_frame: frame, last_frame: frame, since: now, is_listed: true }
+    }
+
+    pub(in crate::session) fn is(&self, code: ReportedDtc) -> bool {
+        (self.code.spn, self.code.fmi) == (code.spn, code.fmi)
+    }
+}
+
+/// What became of a code.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::session) struct DtcChange {
+    pub(in crate::session) known: KnownDtc,
+    pub(in crate::session) action: DtcAction,
+}
+
+/// Trouble codes of a device.
+#[derive(Debug, Clone, Default)]
+pub(in crate::session) struct Faults {
+    /// Codes of the last DM1, in the order in which they were raised.
+    pub(in crate::session) active: Vec<KnownDtc>,
+    /// Codes that were active; listed where DM2 had them.
+    pub(in crate::session) previous: Vec<KnownDtc>,
+    /// Monotonic time and frame of the last DM1.
+    pub(in crate::session) last: i64,
+    pub(in crate::session) last_frame: u64,
+    /// The silence of DM1 is in the timer queue.
+    pub(in crate::session) is_queued: bool,
+    /// That there are more codes than are kept was said: active ones, previously active ones.
+    pub(in crate::session) is_overflow_reported: [bool; 2],
+}
+
+impl Faults {
+    /// SPN and FMI of active codes.
+    pub(in crate::session) fn active(&self) -> impl Iterator<Item = (u32, u8)> {
+        self.active.iter().map(|known| (known.code.spn, known.code.fmi))
+    }
+
+    /// All traffic stopped for so long.
+    pub(in crate::session) fn postpone(&mut self, delay: i64) {
+        self.last = self.last.saturating_add(delay);
+    }
+
+    /// Takes a DM1: what changed, and how many codes found no room.
+    pub(in crate::session) fn active_list(
+        &mut self,
+        codes: impl Iterator<Item = ReportedDtc>,
+        lamps: Lamps,
+        frame: u64,
+        now: i64,
+    ) -> (Vec<DtcChange>, u64) {
+        (self.last, self.last_frame) = (now, frame);
+        self.active.iter_mut().for_each(|known| known.is_listed = false);
+        let (mut changes, mut refused) = (Vec::new(), 0);
+        for code in codes {
+            let is_full = self.active.len() >= ACTIVE_ERROR_LIMIT;
+            match self.active.iter_mut().find(|known| known.is(code)) {
+                // One message may name a code twice.
+                Some(known) if known.is_listed => {}
+                Some(known) => {
+                    let rose = known.code.count.zip(code.count).is_some_and(|(before, now)| now > before);
+                    (known.code, known.lamps) = (code, lamps);
+                    (known.last_frame, known.is_listed) = (frame, true);
+                    if rose {
+                        changes.push(DtcChange { known: *known, action: DtcAction::Recurred });
+                    }
+                }
+                None if is_full => refused += 1,
+                None => {
+                    let known = KnownDtc::new(code, lamps, frame, now);
+                    self.active.push(known);
+                    self.previous.retain(|previous| !previous.is(code));
+                    changes.push(DtcChange { known, action: DtcAction::Raised });
+                }
+            }
+        }
+        let ended = self.active.iter().filter(|known| !known.is_listed);
+        changes.extend(ended.map(|known| DtcChange { known: *known, action: DtcAction::NoLongerReported }));
+        self.active.retain(|known| known.is_listed);
+        (changes, refused)
+    }
+
+    /// A code left DM1 for good; says whether there is no room for it, once.
+    pub(in crate::session) fn was_active(&mut self, known: KnownDtc) -> bool {
+        if self.previous.iter().any(|previous| previous.is(known.code)) {
+            return false;
+        }
+        if self.previous.len() >= ACTIVE_ERROR_LIMIT {
+            return self.should_report_overflow(1, 1);
+        }
+        self.previous.push(KnownDtc { is_listed: false, ..known });
+        false
+    }
+
+    /// Takes a DM2: what was not known from an earlier one, and how many codes found no room.
+    pub(in crate::session) fn previous_list(
+        &mut self,
+        codes: impl Iterator<Item = ReportedDtc>,
+        lamps: Lamps,
+        frame: u64,
+        now: i64,
+    ) -> (Vec<DtcChange>, u64) {
+        let mut before = std::mem::take(&mut self.previous);
+        let (mut changes, mut refused) = (Vec::new(), 0);
+        for code in codes {
+            if self.previous.iter().any(|known| known.is(code)) {
+                continue;
+            }
+            let place = before.iter().position(|known| known.is(code));
+            let known = place.map(|place| before.swap_remove(place));
+            if self.previous.len() >= ACTIVE_ERROR_LIMIT {
+                refused += 1;
+                continue;
+            }
+            let was_told = known.is_some_and(|known| known.is_listed);
+            let known = known.unwrap_or_else(|| KnownDtc::new(code, lamps, frame, now));
+            let known = KnownDtc { code, last_frame: frame, is_listed: true, ..known };
+            self.previous.push(known);
+            if !was_told {
+                changes.push(DtcChange { known, action: DtcAction::PreviouslyActive });
+            }
+        }
+        (changes, refused)
+    }
+
+    /// The device cleared its previously active codes, or all.
+    pub(in crate::session) fn clear(&mut self, all: bool) -> Vec<DtcChange> {
+        let active = if all { std::mem::take(&mut self.active) } else { Vec::new() };
+        let mut cleared = std::mem::take(&mut self.previous);
+        cleared.retain(|known| !active.iter().any(|active| active.is(known.code)));
+        let changes = active.into_iter().chain(cleared);
+        changes.map(|known| DtcChange { known, action: DtcAction::Cleared }).collect()
+    }
+
+    /// Whether that codes find no room is still to be said.
+    pub(in crate::session) fn should_report_overflow(&mut self, list: usize, refused: u64) -> bool {
+        let Some(said) = self.is_overflow_reported.get_mut(list) else { return false };
+        !std::mem::replace(said, refused > 0) && refused > 0
+    }
+
+    /// Bytes held.
+    pub(in crate::session) fn footprint(&self) -> usize {
+        (self.active.capacity() + self.previous.capacity()) * size_of::<KnownDtc>()
+    }
+}
+
+impl Node {
+    /// SPN and FMI of trouble codes that its last DM1 has.
+    pub fn active_dtcs(&self) -> impl Iterator<Item = (u32, u8)> {
+        self.j1939.iter().flat_map(|state| state.faults.active())
+    }
+}
+
+impl Node {
+    /// NAME of a J1939 device, once it was seen.
+    pub fn j1939_name(&self) -> Option<Name> {
+        self.j1939.as_ref()?.name
+    }
+
+    /// What is remembered of it as a J1939 device, made if new.
+    pub(in crate::session) fn j1939_state(&mut self) -> &mut J1939State {
+        self.j1939.get_or_insert_default()
+    }
+}

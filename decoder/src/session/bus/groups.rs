@@ -1,0 +1,125 @@
+//! J1939 groups: name and layout by device, database or standard.
+
+use std::sync::Arc;
+
+use super::layout::of_profile;
+use super::state::Bus;
+use crate::frame::CanId;
+use crate::profile::device::{Direction, MessageSpec};
+use crate::profile::{Device, Layout, NothingKnown, Resolver, isobus, pgn_name};
+use crate::wire::NodeId;
+use crate::wire::j1939::{ALL, J1939Id, Pgn};
+
+/// Bytes of a message that needs no transport protocol.
+const FRAME_BYTES: usize = 8;
+
+/// A device that a message is from or for, and what its profile says of it.
+pub(in crate::session) struct ConcernedDevice {
+    pub(in crate::session) node: NodeId,
+    pub(in crate::session) device: Arc<Device>,
+    /// Place in the device's list.
+    pub(in crate::session) place: usize,
+}
+
+impl ConcernedDevice {
+    pub(in crate::session) fn spec(&self) -> Option<&MessageSpec> {
+        self.device.messages.get(self.place)
+    }
+}
+
+/// What is known of a group from an address: its name and what its bits mean.
+pub(in crate::session) struct Group {
+    pub(in crate::session) name: Option<Arc<str>>,
+    pub(in crate::session) layout: Option<Arc<Layout>>,
+}
+
+impl Bus {
+    /// The device whose profile knows a message: the sender's, else that of a node it is for.
+    pub(in crate::session) fn concerned_device(&self, id: J1939Id) -> Option<ConcernedDevice> {
+        let find = |node: NodeId, direction: Direction| {
+            let address = node.j1939()?;
+            let known = self.node(node).filter(|known| known.assigned.is_some())?;
+            let mut messages = known.device.messages.iter();
+            let place =
+                messages.position(|spec| spec.direction == direction && spec.concerns(id.pgn, address))?;
+            Some(ConcernedDevice { node, device: Arc::clone(&known.device), place })
+        };
+        if let Some(sender) = find(NodeId::J1939(id.source), Direction::Transmit) {
+            return Some(sender);
+        }
+        if id.destination != ALL {
+            return find(NodeId::J1939(id.destination), Direction::Receive);
+        }
+        let assigned = self.nodes.iter().filter(|node| node.assigned.is_some());
+        assigned.map(|node| node.id).find_map(|node| find(node, Direction::Receive))
+    }
+
+    /// What is known of a group from an address, for a payload of so many bytes.
+    pub(in crate::session) fn group(&self, id: J1939Id, length: usize) -> Group {
+        self.group_with(id, length, self.concerned_device(id).as_ref())
+    }
+
+    pub(in crate::session) fn group_with(
+        &self,
+        id: J1939Id,
+        length: usize,
+        concerned: Option<&ConcernedDevice>,
+    ) -> Group {
+        let of_device = concerned.and_then(|concerned| {
+            let spec = concerned.spec()?;
+            let node = self.node(concerned.node)?;
+            let mut resolver = node.resolver();
+            let mut layout = of_profile(&spec.fields, "profile", false, &mut resolver)?;
+            layout.depends = resolver.looked_at;
+            Some((spec.title_of(id.pgn), layout))
+        });
+        if let Some((name, layout)) = of_device {
+            return Group { name: Some(name.into()), layout: Some(Arc::new(layout)) };
+        }
+        if let Some(group) = self.database_group(id.pgn, length) {
+            return group;
+        }
+        let (name, layout) = match of_standard(id.pgn) {
+            Some((name, layout)) => (Some(name), Some(Arc::new(layout))),
+            None => (pgn_name(id.pgn), None),
+        };
+        Group { name: name.map(Into::into), layout }
+    }
+
+    /// What the user's databases tell of a group. A message longer than a frame is not laid over a single one: that
+    /// is a part of it, or something else.
+    pub(in crate::session) fn database_group(&self, pgn: Pgn, length: usize) -> Option<Group> {
+        let message = self.database.message(pgn)?;
+        let is_long = message.length.is_none_or(|length| usize::from(length) > FRAME_BYTES);
+        let layout = (length > FRAME_BYTES || !is_long).then(|| Arc::clone(&message.layout));
+        Some(Group { name: Some(message.name.as_str().into()), layout })
+    }
+
+    /// What a J1939 identifier means: `FE30 AVC valve 0 of F1`, `EA00 request, F1 to 80`.
+    pub(in crate::session) fn describe_group(&self, id: CanId) -> String {
+        let CanId::Extended(id) = id else { return String::new() };
+        let Some(id) = J1939Id::of(id) else { return String::new() };
+        let name = self.group(id, FRAME_BYTES).name.map_or(String::new(), |name| format!(" {name}"));
+        let ends = match (id.pgn.is_addressed(), id.destination) {
+            (false, _) => format!(" of {:02X}", id.source),
+            (true, ALL) => format!(", {:02X} to all", id.source),
+            (true, destination) => format!(", {:02X} to {destination:02X}", id.source),
+        };
+        format!("{:04X}{name}{ends}", id.pgn.number())
+    }
+
+    /// Name of a group, whoever sends it.
+    pub(in crate::session) fn group_name(&self, pgn: Pgn) -> Option<Arc<str>> {
+        let own = self.database.message(pgn).map(|message| message.name.as_str().into());
+        own.or_else(|| pgn_name(pgn).map(Into::into))
+    }
+}
+
+/// What ISO 11783 says of a group.
+pub(in crate::session) fn of_standard(pgn: Pgn) -> Option<(String, Layout)> {
+    let standard = isobus();
+    let spec = standard.messages.iter().find(|spec| spec.number_of(pgn).is_some())?;
+    let mut resolver = Resolver::new(&standard.dictionary, &NothingKnown);
+    let layout = of_profile(&spec.fields, "standard", false, &mut resolver)?;
+    Some((spec.title_of(pgn), layout))
+}

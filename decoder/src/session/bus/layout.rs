@@ -1,0 +1,128 @@
+//! What a PDO's bits mean on one node now: from the mapping seen, the profile, the bus file.
+
+use std::sync::Arc;
+
+use super::node::Node;
+use super::store::OriginKind;
+use crate::profile::device::{Mapping, PdoField, PdoSpec};
+use crate::profile::{DataType, Field, Layout, Number, PdoName, Resolver};
+use crate::wire::canopen::ObjectAddress;
+
+/// Entries a mapping can have (CiA 301 §7.5.2.36).
+const MOST_ENTRIES: i64 = 64;
+
+/// Indexes up to 0x1F are data types: dummies that only take room (CiA 301 §7.4.7.1).
+const LAST_DUMMY: u16 = 0x1F;
+
+/// The layout of a PDO; `None` where nothing tells it.
+///
+/// A device that says its PDOs never change is believed; else what the bus showed counts, then the bus
+/// file, then what the device's profile or EDS gives as delivered.
+pub(in crate::session) fn layout(node: &Node, name: PdoName) -> Option<Layout> {
+    let mut resolver = node.resolver();
+    let (spec, assumed) = match spec(node, name, &mut resolver) {
+        Some((spec, assumed)) => (Some(spec), assumed),
+        None => (None, false),
+    };
+    let is_fixed = spec.is_some_and(|spec| spec.mapping == Mapping::Fixed);
+    let mut layout = match spec {
+        Some(spec) if is_fixed => of_profile(&spec.fields, "profile", assumed, &mut resolver)?,
+        _ => match mapped(node, name, &mut resolver) {
+            Some(layout) => layout,
+            None => match (node.given_pdo(name), spec?) {
+                (Some(fields), _) => of_profile(fields, "bus-file", false, &mut resolver)?,
+                (None, spec) if spec.mapping == Mapping::Default => {
+                    of_profile(&spec.fields, "profile", true, &mut resolver)?
+                }
+                _ => return None,
+            },
+        },
+    };
+    layout.depends = resolver.looked_at;
+    Some(layout)
+}
+
+/// What the profile says of a PDO under the present modes, and whether these are only assumed.
+fn spec<'a>(node: &'a Node, name: PdoName, resolver: &mut Resolver<'_>) -> Option<(&'a PdoSpec, bool)> {
+    let mut assumed = false;
+    for spec in node.device().pdos.iter().filter(|spec| spec.pdo == name) {
+        let Some(when) = &spec.when else { return Some((spec, assumed)) };
+        match resolver.number(when.object.object) {
+            Some(number) if when.equals.contains(number.raw) => return Some((spec, number.assumed)),
+            Some(number) => assumed |= number.assumed,
+            None => assumed = true,
+        }
+    }
+    None
+}
+
+/// The layout of fields a profile lists; `None` where it says that there is something, but not what is in it.
+pub(in crate::session) fn of_profile(
+    fields: &[PdoField],
+    origin: &'static str,
+    assumed: bool,
+    resolver: &mut Resolver<'_>,
+) -> Option<Layout> {
+    if fields.is_empty() {
+        return None;
+    }
+    let mut layout = Layout { origin, assumed, ..Layout::default() };
+    for PdoField { object, bits, .. } in fields {
+        if let Some(object) = object {
+            layout.fields.push(field(object.object, layout.bits, *bits, resolver));
+        }
+        layout.bits = layout.bits.saturating_add(*bits);
+    }
+    Some(layout)
+}
+
+/// The layout the mapping parameters give, as far as all of them are known.
+fn mapped(node: &Node, name: PdoName, resolver: &mut Resolver<'_>) -> Option<Layout> {
+    let index = name.mapping_index();
+    let count = resolver.number(ObjectAddress::new(index, 0))?;
+    if !(1..=MOST_ENTRIES).contains(&count.raw) {
+        return None;
+    }
+    let mut layout = Layout { origin: origin(node, index), assumed: count.assumed, ..Layout::default() };
+    for sub in 1..=u8::try_from(count.raw).ok()? {
+        let Number { raw, assumed } = resolver.number(ObjectAddress::new(index, sub))?;
+        layout.assumed |= assumed;
+        // Bits 31..16 index, 15..8 sub-index, 7..0 length in bits (CiA 301 figure 70).
+        let [bits, sub, low, high, ..] = raw.to_le_bytes();
+        let object = ObjectAddress::new(u16::from_le_bytes([low, high]), sub);
+        let bits = u16::from(bits);
+        let end = layout.bits.checked_add(bits)?;
+        if object.index > LAST_DUMMY && (1..=64).contains(&bits) {
+            layout.fields.push(field(object, layout.bits, bits, resolver));
+        }
+        layout.bits = end;
+    }
+    Some(layout)
+}
+
+/// Who said how many entries there are.
+fn origin(node: &Node, mapping: u16) -> &'static str {
+    let count = ObjectAddress::new(mapping, 0);
+    match node.store().get(count).map(|entry| entry.origin.kind) {
+        Some(kind @ (OriginKind::BusFile | OriginKind::DeviceFile)) => kind.name(),
+        Some(_) => "wire",
+        None => node.device().default_origin(count),
+    }
+}
+
+fn field(object: ObjectAddress, bit: u16, bits: u16, resolver: &mut Resolver<'_>) -> Field {
+    let mut meaning = resolver.meaning(object);
+    let known = meaning.as_ref().and_then(|meaning| meaning.data_type);
+    let same = known.filter(|known| known.bits() == Some(bits));
+    // A field narrower than its object holds the low bits of it.
+    let narrowed = known.and_then(|known| DataType::narrowed(known, bits));
+    if let Some(meaning) = &mut meaning {
+        meaning.data_type = same.or(narrowed).or(meaning.data_type);
+    }
+    let data_type = same.or(narrowed).unwrap_or(DataType::unsigned(bits));
+    Field {
+        meaning: meaning.map(Arc::new),
+        is_typed: same.or(narrowed).is_some(),
+        ..Field::of_object(object, bit, bits, data_type)
+    }
+}

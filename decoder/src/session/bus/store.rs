@@ -1,0 +1,354 @@
+//! The object store of one node: what is known of its objects, and from where.
+
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
+
+use foldhash::fast::FixedState;
+
+use crate::frame::Timestamp;
+use crate::profile::{Effect, Known};
+use crate::session::limits::{OBJECT_BYTES_LIMIT, OBJECT_LIMIT, OBJECT_VALUE_LIMIT};
+use crate::wire::canopen::ObjectAddress;
+
+/// Where a value comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OriginKind {
+    /// Written by SDO and confirmed by the server.
+    Download,
+    /// Read by SDO.
+    Upload,
+    /// Stated in the bus file.
+    BusFile,
+    /// Sent in a PDO; a sample.
+    Pdo,
+    /// What a DCF or XDC says the device is configured to.
+    DeviceFile,
+}
+
+impl OriginKind {
+    /// The name used in all output.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Download => "download",
+            Self::Upload => "upload",
+            Self::Pdo => "pdo",
+            Self::BusFile => "bus-file",
+            Self::DeviceFile => "dcf",
+        }
+    }
+}
+
+impl OriginKind {
+    /// What happened, in a word for people.
+    pub const fn verb(self) -> &'static str {
+        match self {
+            Self::Download => "written",
+            Self::Upload => "read",
+            Self::Pdo => "sent",
+            Self::BusFile => "given",
+            Self::DeviceFile => "wanted",
+        }
+    }
+}
+
+/// Origin of a value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Origin {
+    /// How it was learnt.
+    pub kind: OriginKind,
+    /// Frame that confirmed it.
+    pub frame: u64,
+    /// When.
+    pub time: Option<Timestamp>,
+}
+
+/// One object's value.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Entry {
+    /// Bytes, cut at 1 KiB.
+    pub value: Vec<u8>,
+    /// Size of the whole value in bytes.
+    pub size: u64,
+    /// Where it comes from.
+    pub origin: Origin,
+    /// The node restarted since: the value may have gone back to what was stored.
+    pub stale: bool,
+}
+
+/// Objects of a node by address.
+#[derive(Debug, Clone, Default)]
+pub struct Store {
+    entries: HashMap<ObjectAddress, Entry, FixedState>,
+    bytes: usize,
+    /// Units the user gives, where no message tells them.
+    units: BTreeMap<ObjectAddress, String>,
+    /// Values written that wait for a restart, and for which.
+    waiting: BTreeMap<ObjectAddress, Waiting>,
+    /// Values known to be in non-volatile memory.
+    kept: BTreeMap<ObjectAddress, Vec<u8>>,
+    /// Values a device file wants: they hold until a message tells another, and are never sure.
+    wanted: Arc<BTreeMap<ObjectAddress, Entry>>,
+    /// Counts changes of what was seen or given.
+    changes: u64,
+}
+
+/// A value that takes effect later.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Waiting {
+    /// The value.
+    pub value: Vec<u8>,
+    /// What it waits for.
+    pub effect: Effect,
+    /// Who wrote it.
+    pub origin: Origin,
+}
+
+impl Known for Store {
+    fn bytes(&self, object: ObjectAddress) -> Option<(&[u8], bool)> {
+        self.get(object).map(|entry| (entry.value.as_slice(), entry.stale))
+    }
+
+    fn unit(&self, object: ObjectAddress) -> Option<&str> {
+        self.units.get(&object).map(String::as_str)
+    }
+}
+
+impl Store {
+    /// The unit of an object whose unit no message tells.
+    pub(in crate::session) fn give_unit(&mut self, address: ObjectAddress, unit: &str) {
+        self.units.insert(address, unit.to_owned());
+    }
+
+    /// A value that takes effect later.
+    pub fn waiting(&self, address: ObjectAddress) -> Option<&Waiting> {
+        self.waiting.get(&address)
+    }
+
+    /// All values that take effect later.
+    pub fn all_waiting(&self) -> impl Iterator<Item = (ObjectAddress, &Waiting)> {
+        self.waiting.iter().map(|(address, waiting)| (*address, waiting))
+    }
+
+    /// Notes a value that takes effect later; of long ones nothing depends on the bytes.
+    pub(in crate::session) fn wait(&mut self, address: ObjectAddress, waiting: Waiting) {
+        let fits = self.waiting.len() < OBJECT_LIMIT / 4 || self.waiting.contains_key(&address);
+        if fits && waiting.value.len() <= OBJECT_VALUE_LIMIT / 16 {
+            self.waiting.insert(address, waiting);
+        }
+    }
+
+    /// Takes the waiting values for which the time has come.
+    pub(in crate::session) fn take_waiting(
+        &mut self,
+        comes: impl Fn(Effect) -> bool,
+    ) -> Vec<(ObjectAddress, Vec<u8>)> {
+        let (now, later): (BTreeMap<_, _>, _) =
+            std::mem::take(&mut self.waiting).into_iter().partition(|(_, waiting)| comes(waiting.effect));
+        self.waiting = later;
+        now.into_iter().map(|(address, waiting)| (address, waiting.value)).collect()
+    }
+
+    /// The value in non-volatile memory, if known.
+    pub fn kept(&self, address: ObjectAddress) -> Option<&[u8]> {
+        self.kept.get(&address).map(Vec::as_slice)
+    }
+
+    /// Everything `picks` is in non-volatile memory now.
+    pub(in crate::session) fn keep(&mut self, picks: impl Fn(ObjectAddress) -> bool) {
+        for (address, entry) in &self.entries {
+            if entry.value.len() <= OBJECT_VALUE_LIMIT / 16 && picks(*address) {
+                self.kept.insert(*address, entry.value.clone());
+            }
+        }
+    }
+
+    /// Nothing is known any more of what `picks` has in non-volatile memory.
+    pub(in crate::session) fn forget_kept(&mut self, picks: impl Fn(ObjectAddress) -> bool) {
+        self.kept.retain(|address, _| !picks(*address));
+    }
+
+    /// Counts changes of what was seen or given: where it is the same, so is that.
+    #[inline]
+    pub fn changes(&self) -> u64 {
+        self.changes
+    }
+
+    /// Forgets a value.
+    pub(in crate::session) fn remove(&mut self, address: ObjectAddress) {
+        self.changes = self.changes.wrapping_add(1);
+        if let Some(entry) = self.entries.remove(&address) {
+            self.bytes = self.bytes.saturating_sub(entry.value.len());
+        }
+    }
+
+    /// A value is the one in non-volatile memory again.
+    pub(in crate::session) fn fall_back(&mut self, address: ObjectAddress, kept: &[u8]) {
+        if let Some(entry) = self.entries.get(&address) {
+            let origin = entry.origin;
+            // It takes the place of one that was there.
+            let _ = self.set(address, kept, origin);
+        }
+    }
+
+    /// A value may have changed unseen.
+    pub(in crate::session) fn doubt(&mut self, address: ObjectAddress) {
+        self.changes = self.changes.wrapping_add(1);
+        if let Some(entry) = self.entries.get_mut(&address) {
+            entry.stale = true;
+        }
+    }
+
+    /// The same for all that `picks`; gives their addresses.
+    pub(in crate::session) fn doubt_all(
+        &mut self,
+        picks: impl Fn(ObjectAddress) -> bool,
+    ) -> Vec<ObjectAddress> {
+        self.changes = self.changes.wrapping_add(1);
+        let mut doubted = Vec::new();
+        for (address, entry) in &mut self.entries {
+            if entry.origin.kind != OriginKind::BusFile && !entry.stale && picks(*address) {
+                entry.stale = true;
+                doubted.push(*address);
+            }
+        }
+        doubted.sort_unstable();
+        doubted
+    }
+
+    /// What a device file wants, instead of what one wanted before.
+    pub(in crate::session) fn want(&mut self, values: impl Iterator<Item = (ObjectAddress, Vec<u8>)>) {
+        const ORIGIN: Origin = Origin { kind: OriginKind::DeviceFile, frame: 0, time: None };
+        let entry = |(address, value): (ObjectAddress, Vec<u8>)| {
+            (address, Entry { size: value.len() as u64, value, origin: ORIGIN, stale: true })
+        };
+        self.wanted = Arc::new(values.map(entry).collect());
+    }
+
+    /// Addresses of what a device file wants.
+    pub(in crate::session) fn all_wanted(&self) -> Vec<ObjectAddress> {
+        self.wanted.keys().copied().collect()
+    }
+
+    /// The value at an address: seen or given, else wanted by a device file.
+    pub fn get(&self, address: ObjectAddress) -> Option<&Entry> {
+        self.seen(address).or_else(|| self.wanted.get(&address))
+    }
+
+    /// The value at an address that was seen or given.
+    pub fn seen(&self, address: ObjectAddress) -> Option<&Entry> {
+        self.entries.get(&address)
+    }
+
+    /// A value of up to eight bytes as a number, least significant byte first.
+    pub fn number(&self, address: ObjectAddress) -> Option<u64> {
+        let value = &self.get(address)?.value;
+        (!value.is_empty() && value.len() <= 8).then(|| crate::profile::little_endian(value))
+    }
+
+    /// Puts a value in; gives the one before. `Err` when the node has too many objects.
+    pub(in crate::session) fn set(
+        &mut self,
+        address: ObjectAddress,
+        value: &[u8],
+        origin: Origin,
+    ) -> Result<Option<Entry>, StoreFull> {
+        if self.entries.len() >= OBJECT_LIMIT && !self.entries.contains_key(&address) {
+            return Err(StoreFull);
+        }
+        self.changes = self.changes.wrapping_add(1);
+        let kept = value.get(..OBJECT_VALUE_LIMIT).unwrap_or(value).to_vec();
+        let replaced = self.entries.get(&address).map_or(0, |entry| entry.value.len());
+        if self.bytes.saturating_sub(replaced) + kept.len() > OBJECT_BYTES_LIMIT {
+            return Err(StoreFull);
+        }
+        self.bytes += kept.len();
+        let entry = Entry { value: kept, size: value.len() as u64, origin, stale: false };
+        let before = self.entries.insert(address, entry);
+        if let Some(before) = &before {
+            self.bytes = self.bytes.saturating_sub(before.value.len());
+        }
+        Ok(before)
+    }
+
+    /// All objects in order of their address.
+    pub fn sorted(&self) -> Vec<(ObjectAddress, &Entry)> {
+        let wanted = self.wanted.iter().filter(|(address, _)| !self.entries.contains_key(address));
+        let mut all: Vec<_> =
+            self.entries.iter().chain(wanted).map(|(address, entry)| (*address, entry)).collect();
+        all.sort_unstable_by_key(|(address, _)| *address);
+        all
+    }
+
+    /// Number of objects.
+    pub fn len(&self) -> usize {
+        let wanted = self.wanted.keys().filter(|address| !self.entries.contains_key(address));
+        self.entries.len() + wanted.count()
+    }
+
+    /// Whether nothing is known.
+    pub fn is_empty(&self) -> bool {
+        self.entries.is_empty() && self.wanted.is_empty()
+    }
+}
+
+/// The node has [`OBJECT_LIMIT`] objects already, or [`OBJECT_BYTES_LIMIT`] bytes of values.
+#[derive(Debug, PartialEq, Eq)]
+pub(in crate::session) struct StoreFull;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ORIGIN: Origin = Origin { kind: OriginKind::Download, frame: 7, time: None };
+
+    #[test]
+    fn values_replace_each_other_and_read_as_numbers() {
+        let mut store = Store::default();
+        let address = ObjectAddress::new(0x1017, 0);
+        assert_eq!(store.set(address, &[0xE8, 3], ORIGIN), Ok(None));
+        assert_eq!(store.number(address), Some(1000));
+        let before = store.set(address, &[0, 0], ORIGIN).unwrap().unwrap();
+        assert_eq!(before.value, [0xE8, 3]);
+    }
+
+    #[test]
+    fn what_a_file_wants_stands_behind_what_was_seen() {
+        let mut store = Store::default();
+        let [first, second] = [ObjectAddress::new(0x1017, 0), ObjectAddress::new(0x2000, 0)];
+        store.want([(first, vec![1, 0]), (second, vec![2])].into_iter());
+        assert_eq!((store.number(first), store.len(), store.seen(first)), (Some(1), 2, None));
+        assert!(store.get(first).unwrap().stale);
+        // It is no value that was there before.
+        assert_eq!(store.set(first, &[5, 0], ORIGIN), Ok(None));
+        assert_eq!((store.number(first), store.len()), (Some(5), 2));
+        let origins: Vec<_> = store.sorted().iter().map(|(_, entry)| entry.origin.kind.name()).collect();
+        assert_eq!(origins, ["download", "dcf"]);
+        store.remove(first);
+        assert_eq!(store.number(first), Some(1));
+    }
+
+    #[test]
+    fn the_bytes_of_all_values_are_bounded() {
+        let mut store = Store::default();
+        let set =
+            |store: &mut Store, index, value: &[u8]| store.set(ObjectAddress::new(index, 0), value, ORIGIN);
+        for index in 0..64 {
+            set(&mut store, index, &[0; 1024]).unwrap();
+        }
+        assert_eq!(set(&mut store, 64, &[0]), Err(StoreFull));
+        // A value may still take the place of the one before.
+        assert!(set(&mut store, 5, &[1; 1024]).is_ok());
+        assert!(set(&mut store, 5, &[1]).is_ok());
+        assert!(set(&mut store, 64, &[0; 1023]).is_ok());
+    }
+
+    #[test]
+    fn the_number_of_objects_is_bounded() {
+        let mut store = Store::default();
+        for index in 0..u16::try_from(OBJECT_LIMIT).unwrap() {
+            store.set(ObjectAddress::new(index, 0), &[0], ORIGIN).unwrap();
+        }
+        assert_eq!(store.set(ObjectAddress::new(0xFFFF, 0), &[0], ORIGIN), Err(StoreFull));
+        assert!(store.set(ObjectAddress::new(0, 0), &[1], ORIGIN).is_ok());
+    }
+}

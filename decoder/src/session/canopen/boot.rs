@@ -1,0 +1,75 @@
+//! Restarts: why a node starts, and what that does to everything known of it.
+
+use super::nmt::confirm_state;
+use crate::event::{BootCause, EventKind, PowerSign, StateCause};
+use crate::frame::Frame;
+use crate::session::bus::{Bus, Restart};
+use crate::session::context::Context;
+use crate::session::device::on_device_restart;
+use crate::session::identity::apply_node_id_change;
+use crate::session::objects::{count_lost_settings, emit_restart_changes, restart_values};
+use crate::session::presence::mark_alive;
+use crate::wire::NodeId;
+use crate::wire::canopen::NmtState;
+
+/// Nodes of one machine boot within this time of each other, in nanoseconds.
+const TOGETHER: i64 = 2_000_000_000;
+
+/// The node sent its boot-up message.
+pub(in crate::session) fn on_boot_up(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
+    apply_node_id_change(id, frame, cx);
+    let cause = boot_cause(cx.bus, id);
+    mark_alive(id, frame, cx);
+    let lost = count_lost_settings(cx.bus, id);
+    let Some(node) = cx.bus.node_mut(id) else { return };
+    node.active_errors.clear();
+    node.guarding.toggle = None;
+    node.guarding.is_open = false;
+    node.guarding.missed = 0;
+    node.heartbeat.last = None;
+    node.heartbeat.intervals = [0; 4];
+    node.heartbeat.deadline = None;
+    cx.emit(frame, id, false, EventKind::BootUp { cause, lost });
+    on_restart(id, cause, frame, cx);
+}
+
+/// A node restarted, with whatever boot sign it has.
+pub(in crate::session) fn on_restart(id: NodeId, cause: BootCause, frame: &Frame, cx: &mut Context<'_>) {
+    if matches!(cause, BootCause::PresumedPowerOn { .. }) {
+        cx.bus.restarts.last_boot = Some((cx.bus.clock.now(), id));
+    }
+    let Some(node) = cx.bus.node_mut(id) else { return };
+    node.boots = node.boots.saturating_add(1);
+    node.just_booted = true;
+    let changes = restart_values(cx.bus, id, frame);
+    on_device_restart(cx.bus, id, frame);
+    emit_restart_changes(id, changes, frame, cx);
+    confirm_state(id, NmtState::PreOperational, StateCause::BootUp, frame, cx);
+}
+
+/// Why a node starts now; the command that explains it is used up.
+pub(in crate::session) fn boot_cause(bus: &mut Bus, id: NodeId) -> BootCause {
+    let sign = power_sign(bus, id);
+    // A reset of all also means a node of which nothing was heard since.
+    let before = bus.node(id).map_or(0, |node| node.last_frame);
+    let reset_of_all = bus.restarts.reset_of_all.filter(|(reset, _)| *reset > before);
+    let Some(node) = bus.node_mut(id) else { return BootCause::PresumedPowerOn { sign } };
+    let commanded = node.reset_frame.take().or(reset_of_all);
+    node.restart = commanded.map_or(Restart::PowerOn, |(_, restart)| restart);
+    match commanded {
+        Some((frame, _)) => BootCause::Commanded { frame },
+        None => BootCause::PresumedPowerOn { sign },
+    }
+}
+
+/// What makes a power-on of the machine likelier than a restart of this node alone.
+fn power_sign(bus: &Bus, id: NodeId) -> Option<PowerSign> {
+    if !bus.clock.runs() {
+        return None;
+    }
+    let is_recent = |time: i64| bus.clock.now().saturating_sub(time) < TOGETHER;
+    if bus.restarts.last_boot.is_some_and(|(time, node)| node != id && is_recent(time)) {
+        return Some(PowerSign::OtherNodesToo);
+    }
+    bus.restarts.silent_until.filter(|time| is_recent(*time)).map(|_| PowerSign::BusWasSilent)
+}

@@ -1,0 +1,373 @@
+//! The way of a frame: time and deadlines first, then the route of its identifier to the machine of its service.
+
+use std::sync::Arc;
+
+use super::bus::{Bus, RouteOrigin, Service};
+use super::canopen::{ConformanceMarks, Emcy, ErrorControl, Lss, Nmt, Pdo, Sdo, Sync, TimeStamps};
+use super::context::Shared;
+use super::device::Devices;
+use super::given::apply_given;
+use super::j1939::{
+    Claims, Messages, Payload, Requests, Transports, TroubleCodes, is_followed, mark_sender_alive,
+};
+use super::learning::learn_object;
+use super::machine::{Machine, Timed};
+use super::observer::Observer;
+use super::options::SessionOptions;
+use super::timers::Subject;
+use super::uds::{IsoTp, Uds};
+use crate::event::{Event, EventKind, FrameRange, Protocol};
+use crate::frame::{BusIndex, Frame, FrameFlags, Timestamp};
+use crate::wire::error_frame;
+use crate::wire::j1939::{ALL, J1939Id, NO_ADDRESS, Pgn};
+use crate::words::plural;
+
+/// Frames of one bus to events. A clone is a checkpoint.
+#[derive(Debug, Clone)]
+pub struct BusDecoder {
+    shared: Shared,
+    nmt: Nmt,
+    error_control: ErrorControl,
+    emcy: Emcy,
+    sync: Sync,
+    time_stamps: TimeStamps,
+    marks: ConformanceMarks,
+    lss: Lss,
+    sdo: Sdo,
+    pdo: Pdo,
+    requests: Requests,
+    claims: Claims,
+    messages: Messages,
+    transports: Transports,
+    trouble_codes: TroubleCodes,
+    isotp: IsoTp,
+    uds: Uds,
+    devices: Devices,
+}
+
+impl BusDecoder {
+    /// The decoder of a bus before its first frame; what the options state of it holds from now on.
+    pub fn new(index: BusIndex, name: &str, options: Arc<SessionOptions>) -> Self {
+        let mut shared = Shared::new(Bus::new(index, name, options));
+        apply_given(&mut shared.lend(&mut |_: &Event, _: &Bus| {}));
+        Self {
+            shared,
+            nmt: Nmt,
+            error_control: ErrorControl,
+            emcy: Emcy,
+            sync: Sync::default(),
+            time_stamps: TimeStamps::default(),
+            marks: ConformanceMarks,
+            lss: Lss::default(),
+            sdo: Sdo::default(),
+            pdo: Pdo,
+            requests: Requests,
+            claims: Claims::default(),
+            messages: Messages,
+            transports: Transports::default(),
+            trouble_codes: TroubleCodes,
+            isotp: IsoTp::default(),
+            uds: Uds::default(),
+            devices: Devices,
+        }
+    }
+
+    /// What is known of the bus now.
+    pub fn bus(&self) -> &Bus {
+        &self.shared.bus
+    }
+
+    /// Takes the next frame.
+    pub fn push(&mut self, frame: &Frame, out: &mut dyn Observer) {
+        if let Some(stamp) = frame.time {
+            self.advance_clock(stamp, frame.number, out);
+        }
+        (self.shared.bus.last_frame, self.shared.bus.last_time) = (frame.number, frame.time);
+        if frame.flags.contains(FrameFlags::ERROR) {
+            let kind = EventKind::CanError(error_frame::parse(frame.id.number(), frame.data()));
+            return self.shared.lend(out).emit_can(frame, kind);
+        }
+        let slot = self.shared.bus.routes.find(frame.id).or_else(|| self.add_slot(frame, out));
+        let Some(slot) = slot else { return self.on_frame_without_slot(frame, out) };
+        let Some(service) = self.shared.bus.routes.slot(slot).map(|slot| slot.service) else { return };
+        if frame.flags.contains(FrameFlags::FD) && !matches!(service, Service::IsoTp(_)) {
+            return self.on_fd_frame(frame, service, out);
+        }
+        if frame.flags.contains(FrameFlags::REMOTE) && !service.has_remote_frames() {
+            return self.shared.lend(out).emit_undecoded(frame, None);
+        }
+        let cx = &mut self.shared.lend(out);
+        match service {
+            Service::Pdo(name, node) => self.pdo.on_frame((slot, name, node), frame, cx),
+            Service::J1939(id) => self.on_j1939(Some(slot), id, frame, out),
+            Service::Sync => {
+                if self.sync.on_frame((), frame, cx) {
+                    self.devices.on_frame((), frame, cx);
+                }
+            }
+            Service::ErrorControl(node) => self.error_control.on_frame(node, frame, cx),
+            Service::Sdo(side, channel) => {
+                if let Some(transfer) = self.sdo.on_frame((side, channel), frame, cx) {
+                    learn_object(&transfer, frame, cx);
+                }
+            }
+            Service::Emcy(node) => self.emcy.on_frame(node, frame, cx),
+            Service::Nmt => self.nmt.on_frame((), frame, cx),
+            Service::Time => self.time_stamps.on_frame((), frame, cx),
+            Service::Lss(from_master) => self.lss.on_frame(from_master, frame, cx),
+            Service::IsoTp(link) => {
+                if let Some(message) = self.isotp.on_frame(link, frame, cx) {
+                    self.uds.on_frame(message, frame, cx);
+                }
+            }
+            Service::TestMarker => self.marks.on_frame((), frame, cx),
+            Service::Unclassified => cx.emit_undecoded(frame, None),
+            Service::Named(name) => cx.emit_undecoded(frame, Some(name)),
+        }
+    }
+
+    /// A frame whose identifier is J1939's; `slot` is `None` where too many identifiers are kept apart.
+    fn on_j1939(&mut self, slot: Option<usize>, id: J1939Id, frame: &Frame, out: &mut dyn Observer) {
+        let cx = &mut self.shared.lend(out);
+        if !cx.bus.j1939.is_confirmed() && !is_followed(id, frame, cx) {
+            return;
+        }
+        if id.pgn == Pgn::ADDRESS_CLAIMED && id.destination == ALL && id.source <= NO_ADDRESS {
+            return self.claims.on_frame(id, frame, cx);
+        }
+        mark_sender_alive(cx.bus, id.source, frame);
+        match id.pgn {
+            Pgn::REQUEST | Pgn::ACKNOWLEDGEMENT => self.requests.on_frame(id, frame, cx),
+            Pgn::DM1 | Pgn::DM2 | Pgn::COMMANDED_ADDRESS => {
+                self.messages.on_frame((slot, id), frame, cx);
+                if !frame.flags.contains(FrameFlags::REMOTE) {
+                    let frames = FrameRange::one(frame.number);
+                    self.on_payload(Payload { id, data: frame.data(), frames }, frame, out);
+                }
+            }
+            Pgn::TP_CM | Pgn::TP_DT | Pgn::ETP_CM | Pgn::ETP_DT => {
+                if let Some(transfer) = self.transports.on_frame(id, frame, cx) {
+                    self.on_payload(transfer.payload(), &transfer.frame, out);
+                }
+            }
+            _ => self.messages.on_frame((slot, id), frame, cx),
+        }
+    }
+
+    /// The whole payload of a group that concerns addresses or faults, in one frame or in several.
+    pub(in crate::session) fn on_payload(
+        &mut self,
+        payload: Payload<'_>,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        let cx = &mut self.shared.lend(out);
+        match payload.id.pgn {
+            Pgn::DM1 | Pgn::DM2 => self.trouble_codes.on_frame(payload, frame, cx),
+            Pgn::COMMANDED_ADDRESS => self.claims.on_command(payload, frame, cx),
+            _ => {}
+        }
+    }
+
+    /// A frame of an identifier without a slot: too many were received.
+    #[cold]
+    fn on_frame_without_slot(&mut self, frame: &Frame, out: &mut dyn Observer) {
+        match self.shared.bus.routes.origin(frame.id) {
+            RouteOrigin::J1939(id) if !frame.flags.contains(FrameFlags::FD) => {
+                self.on_j1939(None, id, frame, out);
+            }
+            _ => self.shared.lend(out).emit_undecoded(frame, None),
+        }
+    }
+
+    /// CAN FD on CANopen and J1939 identifiers is not decoded (CiA 1301 and J1939-22 are other protocols).
+    #[cold]
+    fn on_fd_frame(&mut self, frame: &Frame, service: Service, out: &mut dyn Observer) {
+        let mut cx = self.shared.lend(out);
+        let owner = match service {
+            Service::Unclassified | Service::Named(_) => None,
+            Service::J1939(_) => cx.bus.j1939.is_confirmed().then_some("J1939"),
+            _ => cx.bus.canopen.is_confirmed().then_some("CANopen"),
+        };
+        if let Some(owner) = owner.filter(|_| !std::mem::replace(&mut cx.notices.fd, true)) {
+            cx.emit_note(frame, format!("CAN FD frames on {owner} identifiers are left undecoded"));
+        }
+        cx.emit_undecoded(frame, None);
+    }
+
+    /// Makes the slot of an identifier at its first frame.
+    #[cold]
+    fn add_slot(&mut self, frame: &Frame, out: &mut dyn Observer) -> Option<usize> {
+        let mut cx = self.shared.lend(out);
+        let service = match cx.bus.routes.origin(frame.id) {
+            RouteOrigin::Learnt(service) => service,
+            RouteOrigin::Default(owner) => cx.bus.service_of(owner),
+            RouteOrigin::J1939(id) => Service::J1939(id),
+        };
+        let slot = cx.bus.routes.add(frame.id, service);
+        if slot.is_none() && !std::mem::replace(&mut cx.notices.extended_full, true) {
+            let kind = EventKind::Evicted { what: "29-bit identifiers kept apart", count: 1 };
+            cx.emit_can(frame, kind);
+        }
+        cx.emit_table_full(frame);
+        slot
+    }
+
+    /// Lets time pass to `stamp` without a frame: a live bus that is quiet.
+    pub fn advance(&mut self, stamp: Timestamp, out: &mut dyn Observer) {
+        if self.shared.bus.clock.runs() {
+            let now = self.shared.bus.clock.pass(stamp);
+            if self.shared.timers.is_due(now) {
+                self.expire(now, out);
+            }
+        }
+    }
+
+    /// The bit rate that the recorder states, in bit/s.
+    pub fn set_recorded_bit_rate(&mut self, rate: u32) {
+        self.shared.bus.recorded_bit_rate = Some(rate);
+    }
+
+    #[inline]
+    fn advance_clock(&mut self, stamp: Timestamp, number: u64, out: &mut dyn Observer) {
+        let advance = self.shared.bus.clock.advance(stamp);
+        if advance.step.is_some() || advance.silence.is_some() {
+            self.on_irregular_time(stamp, number, advance.step, advance.silence, out);
+        }
+        if self.shared.timers.is_due(advance.now) {
+            self.expire(advance.now, out);
+        }
+    }
+
+    #[cold]
+    fn on_irregular_time(
+        &mut self,
+        stamp: Timestamp,
+        number: u64,
+        step: Option<i64>,
+        silence: Option<(i64, i64)>,
+        out: &mut dyn Observer,
+    ) {
+        let (bus, first) = (self.shared.bus.index, self.shared.bus.last_frame);
+        let event = |kind| Event {
+            time: Some(stamp),
+            bus,
+            frames: FrameRange { first, last: number },
+            protocol: Protocol::Can,
+            node: None,
+            presumed: false,
+            routine: false,
+            kind,
+        };
+        if let Some(step) = step {
+            self.shared.lend(out).send(&event(EventKind::ClockStep { step }));
+        }
+        if let Some((gap, limit)) = silence {
+            // Deadlines before the silence hold; those within it are postponed by its length.
+            let now = self.shared.bus.clock.now();
+            self.expire(now.saturating_sub(gap).saturating_add(limit), out);
+            self.shared.lend(out).send(&event(EventKind::BusSilent { gap }));
+            self.shared.bus.restarts.silent_until = Some(now);
+            self.on_silence(gap);
+        }
+    }
+
+    /// Moves every deadline that is not over yet by `delay`.
+    fn on_silence(&mut self, delay: i64) {
+        let bus = &mut self.shared.bus;
+        self.sdo.on_silence(delay, bus);
+        self.transports.on_silence(delay, bus);
+        self.messages.on_silence(delay, bus);
+        self.isotp.on_silence(delay, bus);
+        self.uds.on_silence(delay, bus);
+        self.devices.on_silence(delay, bus);
+        self.trouble_codes.on_silence(delay, bus);
+        self.error_control.on_silence(delay, bus);
+    }
+
+    /// Handles every deadline before `now`.
+    #[cold]
+    fn expire(&mut self, now: i64, out: &mut dyn Observer) {
+        if self.shared.bus.clock.is_made_up() {
+            let mut cx = self.shared.lend(out);
+            if !std::mem::replace(&mut cx.notices.made_up_times, true) {
+                let frame = cx.last_frame();
+                let text = "all stamps lie equally far apart, as if made up: no time limit is judged by them";
+                cx.emit_note(&frame, text.into());
+            }
+            return;
+        }
+        while let Some((_, subject)) = self.shared.timers.take_due(now) {
+            self.on_deadline(subject, now, out);
+        }
+    }
+
+    fn on_deadline(&mut self, subject: Subject, now: i64, out: &mut dyn Observer) {
+        let cx = &mut self.shared.lend(out);
+        match subject {
+            Subject::SdoChannel(channel) => {
+                // A transfer that timed out has no value.
+                self.sdo.on_deadline(channel, now, cx);
+            }
+            Subject::Heartbeat(node) => self.error_control.on_deadline(node, now, cx),
+            Subject::SetPoint(node) => self.devices.on_deadline(node, now, cx),
+            Subject::Dm1(node) => self.trouble_codes.on_deadline(node, now, cx),
+            Subject::Message(slot) => self.messages.on_deadline(slot, now, cx),
+            Subject::IsoTp(link) => {
+                // A message that timed out is not a request.
+                self.isotp.on_deadline(link, now, cx);
+            }
+            Subject::UdsRequest(link) => {
+                let is_answering = self.isotp.is_answering(link);
+                self.uds.on_deadline((link, is_answering), now, cx);
+            }
+            Subject::Transport(place) => {
+                if let Some(transfer) = self.transports.on_deadline(place, now, cx) {
+                    self.on_payload(transfer.payload(), &transfer.frame, out);
+                }
+            }
+        }
+    }
+
+    /// The capture ended: closes what is open and reports what stayed undecoded.
+    pub fn finish(&mut self, out: &mut dyn Observer) {
+        let cx = &mut self.shared.lend(out);
+        self.sdo.on_end(cx);
+        self.transports.on_end(cx);
+        self.messages.on_end(cx);
+        self.isotp.on_end(cx);
+        self.uds.on_end(cx);
+        let (count, extended) = cx.bus.undecoded;
+        if count > 0 {
+            let frame = cx.last_frame();
+            let frames = plural(count, "frame");
+            let text =
+                format!("{frames} of no known service ({extended} of them 29-bit): --frames prints them");
+            cx.emit_note(&frame, text);
+            if let Some(hint) = cx.bus.unnamed.hint() {
+                cx.emit_note(&frame, hint);
+            }
+        }
+    }
+
+    /// What machines work with, for tests of their parts.
+    #[cfg(test)]
+    pub(in crate::session) fn lend<'a>(
+        &'a mut self,
+        out: &'a mut dyn Observer,
+    ) -> super::context::Context<'a> {
+        self.shared.lend(out)
+    }
+
+    /// Bytes of its own; object stores are shared with checkpoints until they change.
+    pub fn footprint(&self) -> usize {
+        size_of::<Self>()
+            + self.shared.bus.footprint()
+            + self.shared.timers.footprint()
+            + self.sdo.footprint()
+            + self.claims.footprint()
+            + self.transports.footprint()
+            + self.isotp.footprint()
+            + self.uds.footprint()
+    }
+}

@@ -1,0 +1,241 @@
+//! Whether the traffic of a bus is CANopen at all.
+//!
+//! Confirmed on evidence: a valid heartbeat or guarding reply, an NMT command, an SDO request with the
+//! response that names the same object. Rejected on contradiction: identifier 0 without two bytes,
+//! 0x700 + n without one, or many frames on PDO and EMCY identifiers with no evidence at all. A car or
+//! random traffic must not become a CANopen network; a machine recorded between two heartbeats must.
+
+use crate::session::options::ProtocolChoice;
+use crate::words::plural;
+
+/// Frames on PDO and EMCY identifiers that need some evidence beside them.
+const UNSUPPORTED_LIMIT: u32 = 1_000;
+
+/// The same for a slow bus: so many frames in so many nanoseconds, several heartbeats long.
+const UNSUPPORTED_SLOW: (u32, i64) = (50, 5_000_000_000);
+
+/// This many SYNCs keep a bus without any other sign from being doubted: PDOs on SYNC and nothing else.
+const ENOUGH_SYNCS: u32 = 10;
+
+/// Node-IDs on PDO and EMCY identifiers that need some evidence beside them: a network of so many nodes
+/// shows a heartbeat sooner than all their PDOs; a car uses identifiers of all kinds.
+const UNSUPPORTED_NODES: u32 = 20;
+
+/// Contradictions before they count.
+const CONTRADICTION_LIMIT: u32 = 3;
+
+/// How far the bus is believed to be CANopen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::session) enum ProtocolStatus {
+    /// There is evidence, or the user says so.
+    Confirmed,
+    /// Nothing speaks for it or against it yet: events are marked as presumed.
+    Presumed,
+    /// It is not: frames stay undecoded.
+    Rejected,
+}
+
+/// Evidence and contradictions so far.
+#[derive(Debug, Clone)]
+pub(in crate::session) struct CanopenDetection {
+    choice: ProtocolChoice,
+    status: ProtocolStatus,
+    evidence: u32,
+    contradictions: u32,
+    unsupported: u32,
+    unsupported_nodes: u128,
+    /// Monotonic time of the first of them, and of the last.
+    unsupported_since: Option<i64>,
+    unsupported_until: i64,
+    syncs: u32,
+    /// Node and multiplexer of the last SDO request seen.
+    request: Option<(u8, [u8; 3])>,
+}
+
+impl CanopenDetection {
+    pub(in crate::session) fn new(choice: ProtocolChoice) -> Self {
+        let status = match choice {
+            ProtocolChoice::Auto | ProtocolChoice::J1939 => ProtocolStatus::Presumed,
+            ProtocolChoice::Canopen => ProtocolStatus::Confirmed,
+            ProtocolChoice::None => ProtocolStatus::Rejected,
+        };
+        Self {
+            choice,
+            status,
+            evidence: 0,
+            contradictions: 0,
+            unsupported: 0,
+            unsupported_nodes: 0,
+            unsupported_since: None,
+            unsupported_until: 0,
+            syncs: 0,
+            request: None,
+        }
+    }
+
+    #[inline]
+    pub(in crate::session) fn status(&self) -> ProtocolStatus {
+        self.status
+    }
+
+    #[inline]
+    pub(in crate::session) fn is_confirmed(&self) -> bool {
+        self.status == ProtocolStatus::Confirmed
+    }
+
+    /// Something only CANopen does.
+    pub(in crate::session) fn add_evidence(&mut self) {
+        self.evidence = self.evidence.saturating_add(1);
+        self.judge();
+    }
+
+    /// A SYNC, empty or with a counter: no evidence, but a reason not to doubt.
+    pub(in crate::session) fn count_sync(&mut self) {
+        self.syncs = self.syncs.saturating_add(1);
+    }
+
+    /// Something CANopen never does.
+    pub(in crate::session) fn add_contradiction(&mut self) {
+        self.contradictions = self.contradictions.saturating_add(1);
+        self.judge();
+    }
+
+    /// A frame on a PDO, EMCY or SDO identifier of a node-ID at monotonic time `now`: no evidence by itself.
+    pub(in crate::session) fn count_unsupported(&mut self, node: u8, now: i64) {
+        if self.status == ProtocolStatus::Presumed {
+            self.unsupported += 1;
+            self.unsupported_since.get_or_insert(now);
+            self.unsupported_until = now;
+            self.unsupported_nodes |= 1 << (node & 0x7F);
+            if self.is_unsupported() {
+                self.judge();
+            }
+        }
+    }
+
+    fn is_unsupported(&self) -> bool {
+        let elapsed = self.unsupported_until.saturating_sub(self.unsupported_since.unwrap_or(i64::MAX));
+        let (few, long) = UNSUPPORTED_SLOW;
+        let many = self.unsupported >= UNSUPPORTED_LIMIT
+            || self.unsupported_nodes.count_ones() >= UNSUPPORTED_NODES
+            || (self.unsupported >= few && elapsed >= long);
+        many && self.syncs < ENOUGH_SYNCS
+    }
+
+    /// An SDO request, to be matched with its response.
+    pub(in crate::session) fn note_request(&mut self, node: u8, data: &[u8]) {
+        if !self.is_confirmed() {
+            self.request = multiplexer(data).map(|multiplexer| (node, multiplexer));
+        }
+    }
+
+    /// An SDO response; evidence if it answers the last request.
+    pub(in crate::session) fn note_response(&mut self, node: u8, data: &[u8]) {
+        if self.is_confirmed() || self.request.is_none() {
+            return;
+        }
+        if multiplexer(data).map(|multiplexer| (node, multiplexer)) == self.request {
+            self.request = None;
+            self.add_evidence();
+        }
+    }
+
+    /// Why the bus is not taken for CANopen, for people.
+    pub(in crate::session) fn reason(&self) -> String {
+        if self.contradictions >= CONTRADICTION_LIMIT {
+            let count = self.contradictions;
+            format!(
+                "contradicted by {} (identifier 000 not of 2 bytes, or 701 to 77F not of 1)",
+                plural(count, "frame")
+            )
+        } else {
+            let (frames, nodes) = (self.unsupported, self.unsupported_nodes.count_ones());
+            format!(
+                "no heartbeat, NMT command or SDO answer beside {} on PDO and EMCY identifiers of {}",
+                plural(frames, "frame"),
+                plural(nodes, "node-ID")
+            )
+        }
+    }
+
+    fn judge(&mut self) {
+        if !matches!(self.choice, ProtocolChoice::Auto | ProtocolChoice::J1939) {
+            return;
+        }
+        let contradicted =
+            self.contradictions >= CONTRADICTION_LIMIT && self.contradictions > self.evidence / 4;
+        self.status = if contradicted {
+            ProtocolStatus::Rejected
+        } else if self.evidence > 0 {
+            ProtocolStatus::Confirmed
+        } else if self.is_unsupported() {
+            ProtocolStatus::Rejected
+        } else {
+            ProtocolStatus::Presumed
+        };
+    }
+}
+
+/// Index and sub-index of an SDO message.
+fn multiplexer(data: &[u8]) -> Option<[u8; 3]> {
+    match data {
+        [_, low, high, sub, ..] => Some([*low, *high, *sub]),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_heartbeat_is_enough_and_contradictions_outweigh_it() {
+        let mut detection = CanopenDetection::new(ProtocolChoice::Auto);
+        assert_eq!(detection.status(), ProtocolStatus::Presumed);
+        detection.add_evidence();
+        assert_eq!(detection.status(), ProtocolStatus::Confirmed);
+        (0..3).for_each(|_| detection.add_contradiction());
+        assert_eq!(detection.status(), ProtocolStatus::Rejected);
+        (0..20).for_each(|_| detection.add_evidence());
+        assert_eq!(detection.status(), ProtocolStatus::Confirmed);
+    }
+
+    #[test]
+    fn pdo_identifiers_alone_are_doubted_until_evidence_comes() {
+        let mut detection = CanopenDetection::new(ProtocolChoice::Auto);
+        (0..UNSUPPORTED_LIMIT).for_each(|_| detection.count_unsupported(5, 0));
+        assert_eq!(detection.status(), ProtocolStatus::Rejected);
+        detection.note_request(5, &[0x40, 0x18, 0x10, 1, 0, 0, 0, 0]);
+        detection.note_response(5, &[0x43, 0x18, 0x10, 1, 1, 2, 3, 4]);
+        assert_eq!(detection.status(), ProtocolStatus::Confirmed);
+    }
+
+    #[test]
+    fn many_nodes_without_evidence_are_doubted_soon() {
+        let mut detection = CanopenDetection::new(ProtocolChoice::Auto);
+        (1..20).for_each(|node| detection.count_unsupported(node, 0));
+        assert_eq!(detection.status(), ProtocolStatus::Presumed);
+        detection.count_unsupported(20, 0);
+        assert_eq!(detection.status(), ProtocolStatus::Rejected);
+    }
+
+    #[test]
+    fn a_slow_bus_is_doubted_after_several_heartbeats_unless_it_has_a_sync() {
+        for (syncs, status) in [(0, ProtocolStatus::Rejected), (10, ProtocolStatus::Presumed)] {
+            let mut detection = CanopenDetection::new(ProtocolChoice::Auto);
+            (0..syncs).for_each(|_| detection.count_sync());
+            (0..=50).for_each(|count| detection.count_unsupported(5, count * 100_000_000));
+            assert_eq!(detection.status(), status);
+        }
+    }
+
+    #[test]
+    fn the_user_has_the_last_word() {
+        let mut detection = CanopenDetection::new(ProtocolChoice::Canopen);
+        (0..100).for_each(|_| detection.add_contradiction());
+        assert_eq!(detection.status(), ProtocolStatus::Confirmed);
+        let mut detection = CanopenDetection::new(ProtocolChoice::None);
+        detection.add_evidence();
+        assert_eq!(detection.status(), ProtocolStatus::Rejected);
+    }
+}

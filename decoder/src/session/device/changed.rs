@@ -1,0 +1,18 @@
+//! A value that changed.
+
+use std::sync::Arc;
+
+use crate::profile::{Device, Field, Meaning};
+use crate::wire::NodeId;
+use crate::wire::canopen::ObjectAddress;
+
+/// One field of a PDO that changed.
+pub(super) struct Changed<'a> {
+    pub(super) id: NodeId,
+    pub(super) device: &'a Device,
+    pub(super) field: &'a Field,
+    pub(super) object: ObjectAddress,
+    pub(super) meaning: &'a Arc<Meaning>,
+    pub(super) before: Option<u64>,
+    pub(super) raw: u64,
+}

@@ -1,0 +1,14 @@
+//! J1939 messages whose meaning changes with devices and addresses.
+
+use crate::session::context::Context;
+use crate::session::timers::Subject;
+
+/// What devices are, or their addresses, changed: messages mean something else, and none is overdue.
+pub(in crate::session) fn refresh_messages(cx: &mut Context<'_>) {
+    for (slot, cadence) in cx.bus.routes.refresh_messages() {
+        cx.timers.remove(Subject::Message(slot));
+        if let Some(node) = cx.bus.node_mut(cadence.node) {
+            node.behaviour.overdue.retain(|overdue| *overdue != cadence.name);
+        }
+    }
+}

@@ -1,0 +1,218 @@
+//! A node takes another node-ID: what moves with it, what stays.
+
+use std::sync::Arc;
+
+use super::assign::assign;
+use crate::event::EventKind;
+use crate::frame::{CanId, Frame};
+use crate::profile::{PdoName, Role, integer};
+use crate::session::bus::{Bus, Node, Service, predefined};
+use crate::session::context::Context;
+use crate::session::device::{Announcement, emit_announcement};
+use crate::session::objects::{move_delivered, revert_object};
+use crate::session::timers::Subject;
+use crate::wire::NodeId;
+use crate::wire::canopen::ObjectAddress;
+
+/// A node appears under `id`: if one was given that node-ID, it is that one.
+pub(in crate::session) fn apply_node_id_change(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
+    let (from, by) = if let Some(from) = cx.bus.node_id_changes.take_by_lss(id) {
+        (from.or_else(|| only_one_in_reset(cx.bus, id)), "lss")
+    } else if let Some(from) = cx.bus.node_id_changes.take_by_uds(id) {
+        (Some(from), "uds")
+    } else if let Some(from) = node_awaiting_id(cx.bus, id) {
+        (Some(from), "object")
+    } else {
+        return;
+    };
+    change_node_id(from, id, by, frame, cx);
+    emit_node_id_announcement(id, frame, cx);
+}
+
+fn emit_node_id_announcement(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
+    let text = format!("node-ID {}", id.number());
+    let change = Announcement { procedure: "node-ID change", word: "IDENT", finished: true, text };
+    emit_announcement(id, change, frame, cx);
+}
+
+/// The node that was reset and did not come back, if there is just one: LSS does not always tell which
+/// node it configured.
+fn only_one_in_reset(bus: &Bus, but: NodeId) -> Option<NodeId> {
+    let mut reset = bus.nodes().filter(|node| node.id != but && node.reset_frame.is_some());
+    reset.next().map(|node| node.id).filter(|_| reset.next().is_none())
+}
+
+/// A node told its serial number (1018:04). A rotary switch is never seen on the bus: a node with the
+/// numbers of another one that is silent since is that one under a new node-ID.
+pub(in crate::session) fn join_by_serial(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
+    let numbers = |node: &Node| {
+        let number = |sub| node.store.number(ObjectAddress::new(0x1018, sub));
+        Some([number(1)?, number(2)?, number(4).filter(|serial| *serial != 0)?])
+    };
+    let Some(own) = cx.bus.node(id).filter(|node| !node.is_joined) else { return };
+    let Some(wanted) = numbers(own) else { return };
+    let began = own.first_frame;
+    let mut alike = cx
+        .bus
+        .nodes()
+        .filter(|node| node.id != id && node.last_frame < began && numbers(node) == Some(wanted));
+    let (Some(other), None) = (alike.next(), alike.next()) else { return };
+    let (from, device, assigned) = (other.id, Arc::clone(&other.device), other.assigned);
+    drop(alike);
+    if let Some(node) = cx.bus.node_mut(id) {
+        node.is_joined = true;
+    }
+    let is_open = cx.bus.node(id).is_some_and(|node| node.assigned.is_none());
+    if let Some(by) = assigned.filter(|_| is_open) {
+        assign(id, &device, by, cx);
+    }
+    let kind = EventKind::NodeIdChange { from: Some(from.number()), to: id.number(), by: "serial number" };
+    cx.emit(frame, id, false, kind);
+}
+
+/// The node whose node-ID object holds `id`, waiting for a restart.
+fn node_awaiting_id(bus: &Bus, id: NodeId) -> Option<NodeId> {
+    let is_told = |node: &&Node| {
+        node.id != id
+            && node.store.all_waiting().any(|(object, waiting)| {
+                let meaning = node.meaning(object).filter(|it| it.role == Some(Role::NodeId));
+                let number = meaning.and_then(|meaning| integer(&meaning.decode(&waiting.value)));
+                number == Some(i64::from(id.number()))
+            })
+    };
+    bus.nodes().find(is_told).map(|node| node.id)
+}
+
+/// Moves a node to another node-ID, with all that is known of it.
+pub(in crate::session) fn change_node_id(
+    from: Option<NodeId>,
+    to: NodeId,
+    by: &'static str,
+    frame: &Frame,
+    cx: &mut Context<'_>,
+) {
+    if let Some(from) = from {
+        let staying = retained_pdo_ids(cx.bus, from);
+        move_node(from, to, cx);
+        move_delivered(cx.bus, to);
+        for (name, id) in staying {
+            cx.bus.routes.learn(id, Service::Pdo(name, to));
+        }
+        reset_moved_objects(cx.bus, to);
+    }
+    cx.emit(
+        frame,
+        to,
+        false,
+        EventKind::NodeIdChange { from: from.map(NodeId::number), to: to.number(), by },
+    );
+}
+
+/// PDOs that keep the identifier of the old node-ID, by the device's manual.
+fn retained_pdo_ids(bus: &Bus, id: NodeId) -> Vec<(PdoName, CanId)> {
+    let Some(node) = bus.node(id) else { return Vec::new() };
+    let names = node.device.identity_change.cob_ids_stay.iter().filter_map(|name| name.parse().ok());
+    let free = names.filter(|name| bus.routes.learnt_id(Service::Pdo(*name, id)).is_none());
+    free.filter_map(|name| Some((name, predefined(name, id)?))).collect()
+}
+
+/// Objects that fall back to their defaults with a new node-ID.
+fn reset_moved_objects(bus: &mut Bus, id: NodeId) {
+    let Some(node) = bus.node(id) else { return };
+    let ranges = node.device.identity_change.resets.clone();
+    let objects: Vec<_> = node.store.sorted().into_iter().map(|(object, _)| object).collect();
+    for object in objects.into_iter().filter(|it| ranges.iter().any(|range| range.covers(*it, 0, 0))) {
+        if let Some(node) = bus.node_mut(id) {
+            Arc::make_mut(&mut node.store).remove(object);
+        }
+        revert_object(bus, id, object);
+    }
+}
+
+/// Gives a node another node-ID; the node that had it loses it. What was learnt of its identifiers
+/// stays with it, the defaults follow the node-ID.
+fn move_node(from: NodeId, to: NodeId, cx: &mut Context<'_>) {
+    let place = |bus: &Bus, id: NodeId| bus.node_by_id.get(id.place()).copied().unwrap_or(0);
+    let (moved, replaced) = (place(cx.bus, from), place(cx.bus, to));
+    for (place, id) in [(moved, to), (replaced, from)] {
+        if let Some(node) = usize::from(place).checked_sub(1).and_then(|place| cx.bus.nodes.get_mut(place)) {
+            node.id = id;
+        }
+        if let Some(slot) = cx.bus.node_by_id.get_mut(id.place()) {
+            *slot = place;
+        }
+    }
+    // The place of the node that was replaced is empty now, under the node-ID that became free.
+    if let Some(node) = usize::from(replaced).checked_sub(1).and_then(|place| cx.bus.nodes.get_mut(place)) {
+        *node = Node::new(from, None);
+    }
+    for (id, service) in cx.bus.routes.learnt() {
+        let moved = match service {
+            Service::Pdo(name, node) if node == from => Service::Pdo(name, to),
+            Service::Emcy(node) if node == from => Service::Emcy(to),
+            _ => continue,
+        };
+        cx.bus.routes.learn(id, moved);
+    }
+    // Deadlines are queued by node-ID.
+    for id in [from, to] {
+        cx.timers.remove(Subject::Heartbeat(id));
+    }
+    let place = usize::from(moved).checked_sub(1);
+    if let Some(heartbeat) =
+        place.and_then(|place| cx.bus.nodes.get_mut(place)).map(|node| &mut node.heartbeat)
+    {
+        heartbeat.queued = heartbeat.deadline.is_some();
+        if let Some(deadline) = heartbeat.deadline {
+            cx.timers.add(deadline, Subject::Heartbeat(to));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::event::Event;
+    use crate::frame::{BusIndex, Timestamp};
+    use crate::session::BusDecoder;
+    use crate::session::SessionOptions;
+
+    /// Boot-up of a node, then uploads of 1018:01, :02 and :04.
+    fn introduced(bus: &mut BusDecoder, id: u8, serial: u8, number: &mut u64) -> Vec<Event> {
+        let mut events = Vec::new();
+        let mut push = |can_id: u16, data: &[u8]| {
+            *number += 1;
+            let mut frame = Frame::data_frame(CanId::standard(can_id), data);
+            frame.number = *number;
+            frame.time = Some(Timestamp(1_000_000 * i64::try_from(*number).unwrap()));
+            bus.push(&frame, &mut |event: &Event, _: &Bus| events.push(event.clone()));
+        };
+        push(0x700 + u16::from(id), &[0]);
+        for (sub, value) in [(1, 0x19), (2, 7), (4, serial)] {
+            push(0x600 + u16::from(id), &[0x40, 0x18, 0x10, sub, 0, 0, 0, 0]);
+            push(0x580 + u16::from(id), &[0x43, 0x18, 0x10, sub, value, 0, 0, 0]);
+        }
+        events
+    }
+
+    fn changes(events: &[Event]) -> Vec<(Option<u8>, u8, &'static str)> {
+        let change = |event: &Event| match event.kind {
+            EventKind::NodeIdChange { from, to, by } => Some((from, to, by)),
+            _ => None,
+        };
+        events.iter().filter_map(change).collect()
+    }
+
+    #[test]
+    fn a_node_with_the_numbers_of_a_silent_one_is_that_one() {
+        let mut bus = BusDecoder::new(BusIndex(0), "can0", Arc::new(SessionOptions::default()));
+        let mut number = 0;
+        assert!(changes(&introduced(&mut bus, 2, 9, &mut number)).is_empty());
+        assert!(changes(&introduced(&mut bus, 3, 8, &mut number)).is_empty(), "another serial number");
+        let events = introduced(&mut bus, 5, 9, &mut number);
+        assert_eq!(changes(&events), [(Some(2), 5, "serial number")]);
+        // Without a serial number nothing tells one device from its neighbour.
+        introduced(&mut bus, 6, 0, &mut number);
+        assert!(changes(&introduced(&mut bus, 7, 0, &mut number)).is_empty());
+    }
+}

@@ -1,0 +1,236 @@
+//! Messages of one frame: the hot path. One prepared event an identifier is updated in place and lent to the
+//! observer, as with PDOs.
+
+use std::sync::Arc;
+
+use super::cadence::{
+    carrier_name, emit_overdue_messages, on_message_deadline, on_watched_message, watch_message,
+};
+use crate::event::{EventKind, FrameRange, J1939Message};
+use crate::frame::{Frame, FrameFlags};
+use crate::profile::device::MessageSpec;
+use crate::profile::{Carrier, NothingKnown, PdoDirection, Resolver};
+use crate::session::bus::{Bus, Cadence, Group, Origin, OriginKind, Plan, Planned, Recent};
+use crate::session::bus::{ConcernedDevice, layout_of_profile};
+use crate::session::context::Context;
+use crate::session::device::on_values;
+use crate::session::machine::{Machine, Timed};
+use crate::wire::j1939::J1939Id;
+
+/// Last group of data page 0; those of NMEA 2000 lie above.
+const LAST_OF_PAGE_0: u32 = 0xFFFF;
+
+/// Messages of one frame of all addresses; the last one of each identifier is in its slot.
+#[derive(Debug, Clone)]
+pub(in crate::session) struct Messages;
+
+impl Machine for Messages {
+    /// Slot of the identifier, if it has one, and the identifier.
+    type Route<'a> = (Option<usize>, J1939Id);
+    type Product = ();
+
+    #[inline]
+    fn on_frame(&mut self, (slot, id): (Option<usize>, J1939Id), frame: &Frame, cx: &mut Context<'_>) {
+        if frame.flags.contains(FrameFlags::REMOTE) {
+            return cx.emit_undecoded(frame, None);
+        }
+        let Some(slot) = slot else { return unprepared_message(id, frame, cx) };
+        cx.bus.clock.saw_periodic();
+        let believed = cx.bus.j1939.is_confirmed();
+        let Some(entry) = cx.bus.routes.slot_mut(slot) else { return };
+        let Some(event) = &mut entry.prepared else { return first_message(slot, id, frame, cx) };
+        let EventKind::J1939Message(message) = &mut event.kind else { return };
+        let continues = id.pgn.number() > LAST_OF_PAGE_0 && continues(message.payload(), frame.data());
+        let change = difference(message, frame);
+        if let (Some(change), Some(planned)) = (change, &entry.plan)
+            && change & planned.plan.deciding != 0
+        {
+            // The message itself decides how it is read.
+            return first_message(slot, id, frame, cx);
+        }
+        event.time = frame.time;
+        event.frames = FrameRange::one(frame.number);
+        event.presumed = !believed;
+        event.routine = change.is_none();
+        message.length = frame.length;
+        message.bytes = frame.bytes;
+        let mut matters = false;
+        if let Some(planned) = &mut entry.plan {
+            matters = planned.plan.triggers || change.is_some_and(|change| change & planned.plan.mask != 0);
+            if planned.plan.commands {
+                planned.recent.push(frame.number, cx.bus.clock.now());
+            }
+        }
+        let watched = entry.cadence.is_some();
+        if watched {
+            on_watched_message(slot, frame, cx);
+        }
+        cx.send_prepared(slot);
+        if matters {
+            pass_values_to_device(slot, id, frame, cx);
+        }
+        if continues {
+            emit_fast_packet_note(frame, cx);
+        }
+    }
+
+    fn on_silence(&mut self, delay: i64, bus: &mut Bus) {
+        for cadence in bus.routes.cadences_mut() {
+            cadence.postpone(delay);
+        }
+    }
+
+    fn on_end(&mut self, cx: &mut Context<'_>) {
+        emit_overdue_messages(cx);
+    }
+}
+
+impl Timed for Messages {
+    /// Slot of a message that must come again in time.
+    type Deadline = u16;
+
+    fn on_deadline(&mut self, slot: u16, now: i64, cx: &mut Context<'_>) {
+        on_message_deadline(slot, now, cx);
+    }
+}
+
+/// NMEA 2000 sends longer messages in frames of its own making; which groups do is not told on the bus.
+#[cold]
+fn emit_fast_packet_note(frame: &Frame, cx: &mut Context<'_>) {
+    if !std::mem::replace(&mut cx.notices.fast_packets, true) {
+        let text = "this looks like NMEA 2000: fast packets are not put together, their frames are shown as they are";
+        cx.emit_note(frame, text.into());
+    }
+}
+
+/// The first message of an identifier, and those that change how it is read.
+#[cold]
+fn first_message(slot: usize, id: J1939Id, frame: &Frame, cx: &mut Context<'_>) {
+    let concerned = cx.bus.concerned_device(id);
+    if let Some(concerned) = &concerned {
+        store_deciding_values(cx.bus, concerned, frame);
+    }
+    let group = cx.bus.group_with(id, usize::from(frame.length), concerned.as_ref());
+    let plan = concerned.as_ref().zip(group.layout.as_deref()).and_then(|(concerned, layout)| {
+        let spec = concerned.spec()?;
+        Plan::of(&concerned.device, &carrier(spec), spec.direction.into(), layout)
+    });
+    let mut event = cx.j1939_event(frame, id, EventKind::J1939Message(message(id, frame, group)));
+    let now = cx.bus.clock.now();
+    if let Some(entry) = cx.bus.routes.slot_mut(slot) {
+        event.routine = false;
+        let before = entry.plan.take();
+        entry.prepared = Some(Box::new(event));
+        entry.plan = plan.map(|plan| {
+            let mut recent = before.map_or(Recent::default(), |before| before.recent);
+            recent.push(frame.number, now);
+            Box::new(Planned { plan: Arc::new(plan), recent })
+        });
+    }
+    watch_message(cx.bus, slot, concerned.and_then(|concerned| cadence(&concerned, id)));
+    on_watched_message(slot, frame, cx);
+    cx.send_prepared(slot);
+    pass_values_to_device(slot, id, frame, cx);
+}
+
+/// A message of an identifier that is not kept apart: too many were seen.
+#[cold]
+fn unprepared_message(id: J1939Id, frame: &Frame, cx: &mut Context<'_>) {
+    let group = cx.bus.group(id, usize::from(frame.length));
+    cx.emit_j1939(frame, id, EventKind::J1939Message(message(id, frame, group)));
+}
+
+fn pass_values_to_device(slot: usize, id: J1939Id, frame: &Frame, cx: &mut Context<'_>) {
+    if cx.bus.routes.slot(slot).is_none_or(|slot| slot.plan.is_none()) {
+        return;
+    }
+    let Some(concerned) = cx.bus.concerned_device(id) else { return };
+    let Some(spec) = concerned.spec() else { return };
+    let direction: PdoDirection = spec.direction.into();
+    on_values(slot, (&carrier(spec), direction), concerned.node, frame, cx);
+}
+
+/// Values within the message that decide how the rest of it is read.
+fn store_deciding_values(bus: &mut Bus, concerned: &ConcernedDevice, frame: &Frame) {
+    let Some(spec) = concerned.spec() else { return };
+    let mut resolver = Resolver::new(&concerned.device.dictionary, &NothingKnown);
+    let Some(layout) = layout_of_profile(&spec.fields, "profile", false, &mut resolver) else { return };
+    for field in &layout.fields {
+        let decides = field.object().filter(|object| concerned.device.decides(*object));
+        let (Some(object), Some(raw)) = (decides, field.extract(frame.data())) else { continue };
+        let length = usize::from(field.bits.div_ceil(8));
+        let bytes = raw.to_le_bytes();
+        let origin = Origin { kind: OriginKind::Pdo, frame: frame.number, time: frame.time };
+        let Some(node) = bus.node_mut(concerned.node) else { return };
+        // More objects than a node can have are a profile no person wrote.
+        let _ = Arc::make_mut(&mut node.store).set(object, bytes.get(..length).unwrap_or(&bytes), origin);
+    }
+}
+
+fn carrier(spec: &MessageSpec) -> Carrier {
+    Carrier::Message(spec.name.as_str().into())
+}
+
+/// How often a message must come, where the profile says it.
+fn cadence(concerned: &ConcernedDevice, id: J1939Id) -> Option<Cadence> {
+    let spec = concerned.spec()?;
+    let carrier = carrier(spec);
+    let name = carrier_name(&carrier)?;
+    Some(Cadence::new(concerned.node, Arc::clone(name), spec.title_of(id.pgn), spec.timeout?, id))
+}
+
+fn message(id: J1939Id, frame: &Frame, group: Group) -> J1939Message {
+    J1939Message {
+        id,
+        can_id: frame.id,
+        name: group.name,
+        length: frame.length,
+        bytes: frame.bytes,
+        layout: group.layout,
+    }
+}
+
+/// Whether a frame is the second of a fast packet that the one before began: the same sequence in the upper
+/// three bits of byte 0, the frame's number in the lower five; the first one tells the length in byte 1.
+#[inline]
+fn continues(before: &[u8], now: &[u8]) -> bool {
+    const LONGEST: u8 = 223;
+    const NUMBER: u8 = 0x1F;
+    match (before, now) {
+        ([first, 9..=LONGEST, ..], [second, ..]) => first & NUMBER == 0 && *second == *first | 1,
+        _ => false,
+    }
+}
+
+/// The bits in which a frame differs from the one before, all for another length; `None` if it repeats it.
+#[inline]
+fn difference(message: &J1939Message, frame: &Frame) -> Option<u64> {
+    if message.length != frame.length {
+        return Some(u64::MAX);
+    }
+    match (message.bytes.first_chunk(), frame.bytes.first_chunk()) {
+        (Some(before), Some(now)) if frame.length <= 8 => {
+            let unused = 64 - 8 * u32::from(frame.length);
+            let difference = u64::from_le_bytes(*before) ^ u64::from_le_bytes(*now);
+            let difference = difference & u64::MAX.checked_shr(unused).unwrap_or(0);
+            (difference != 0).then_some(difference)
+        }
+        _ => (message.payload() != frame.data()).then_some(u64::MAX),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_second_frame_of_a_fast_packet() {
+        // 26 bytes (1A) in frames 60, 61, 62, 63: sequence 3.
+        let first = [0x60, 0x1A, 0, 0xB7, 6, 0x67, 0x0D, 0x0B];
+        assert!(continues(&first, &[0x61, 1, 2, 3, 4, 5, 6, 7]));
+        assert!(!continues(&first, &[0x62, 1, 2, 3, 4, 5, 6, 7]), "one lost");
+        assert!(!continues(&first, &[0x81, 1, 2, 3, 4, 5, 6, 7]), "another sequence");
+        assert!(!continues(&[0x60, 8, 0, 0, 0, 0, 0, 0], &[0x61; 8]), "would fit one frame");
+        assert!(!continues(&[], &[]));
+    }
+}

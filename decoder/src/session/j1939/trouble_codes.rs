@@ -1,0 +1,335 @@
+//! Trouble codes over time: what DM1 and DM2 list becomes raised, recurred, no longer reported, previously
+//! active and cleared, once each.
+//!
+//! ```text
+//!            DM1 has it          DM1 without it, or silence of DM1
+//!  unknown ────────────▶ active ───────────────────────────────▶ previously active ─DM3─▶ cleared
+//!                          └─────────────────DM11, acknowledged─────────────────────────▶ cleared
+//! ```
+
+use std::sync::Arc;
+
+use super::payload::Payload;
+use crate::event::{Dtc, DtcAction, EventKind, FrameRange};
+use crate::frame::Frame;
+use crate::profile::{Device, lamp_names};
+use crate::session::bus::{Bus, DtcChange, Node};
+use crate::session::context::Context;
+use crate::session::device::{on_trouble_code, reassess_set_points};
+use crate::session::machine::{Machine, Timed};
+use crate::session::timers::Subject;
+use crate::wire::NodeId;
+use crate::wire::j1939::{Pgn, ReportedDtc, SpnConversion, TroubleCodes as DtcList};
+
+/// Milliseconds between two DM1 while a code is active, where the manual says nothing (J1939-73 §5.7.1.2).
+const PERIOD: u32 = 1_000;
+
+/// Periods without DM1 behind which its codes are no longer reported.
+const PERIODS: i64 = 3;
+
+/// What is given up where a device has had too many codes.
+const PREVIOUS: &str = "previously active trouble code";
+
+/// DM1 and DM2 of all addresses; the codes of each are in its node.
+#[derive(Debug, Clone)]
+pub(in crate::session) struct TroubleCodes;
+
+impl Machine for TroubleCodes {
+    type Route<'a> = Payload<'a>;
+    type Product = ();
+
+    /// A DM1 or DM2 of any length.
+    fn on_frame(&mut self, payload: Payload<'_>, frame: &Frame, cx: &mut Context<'_>) {
+        let Payload { id, data, frames } = payload;
+        let list = match DtcList::read(data) {
+            Ok(list) => list,
+            Err(error) => {
+                return cx.emit_malformed_j1939(id, error, "a list of faults has six bytes or more", frame);
+            }
+        };
+        let node_id = NodeId::J1939(id.source);
+        let now = cx.bus.clock.now();
+        let is_active = id.pgn == Pgn::DM1;
+        let Some(node) = cx.bus.node_mut(node_id) else { return };
+        let codes = list.codes(conversion(node));
+        let faults = &mut node.j1939_state().faults;
+        let (changes, refused) = if is_active {
+            faults.active_list(codes, list.lamps, frame.number, now)
+        } else {
+            faults.previous_list(codes, list.lamps, frame.number, now)
+        };
+        let should_report_overflow = faults.should_report_overflow(usize::from(!is_active), refused);
+        for change in changes {
+            emit_trouble_code(node_id, change, frames, frame, cx);
+        }
+        if should_report_overflow {
+            let what = if is_active { "active trouble code" } else { PREVIOUS };
+            cx.emit_can(frame, EventKind::Evicted { what, count: refused });
+        }
+        if is_active {
+            schedule_dm1_deadline(node_id, cx);
+        }
+    }
+
+    fn on_silence(&mut self, delay: i64, bus: &mut Bus) {
+        for state in bus.nodes.iter_mut().filter_map(|node| node.j1939.as_deref_mut()) {
+            state.faults.postpone(delay);
+        }
+    }
+}
+
+impl Timed for TroubleCodes {
+    /// Node with active codes.
+    type Deadline = NodeId;
+
+    fn on_deadline(&mut self, id: NodeId, now: i64, cx: &mut Context<'_>) {
+        let Some(node) = cx.bus.node_mut(id) else { return };
+        let silence = silence(&node.device);
+        let faults = &mut node.j1939_state().faults;
+        faults.is_queued = false;
+        if faults.active.is_empty() {
+            return;
+        }
+        let deadline = faults.last.saturating_add(silence);
+        if deadline >= now {
+            faults.is_queued = true;
+            return cx.timers.add(deadline, Subject::Dm1(id));
+        }
+        let (ended, number) = (std::mem::take(&mut faults.active), faults.last_frame);
+        // The deadline's own time, and the last DM1 as the evidence.
+        let frame = Frame { number, time: cx.bus.clock.stamp_of(deadline), ..Frame::EMPTY };
+        for known in ended {
+            let since = Some(deadline.saturating_sub(known.since));
+            let change = DtcChange { known, action: DtcAction::NoLongerReported };
+            let dtc = Dtc { since, by_silence: true, ..describe_trouble_code(cx.bus, id, change) };
+            emit_frames(id, EventKind::Dtc(Box::new(dtc)), FrameRange::one(number), &frame, cx);
+        }
+        reassess_set_points(id, &frame, cx);
+    }
+}
+
+/// Tells a change and what it brings.
+fn emit_trouble_code(id: NodeId, change: DtcChange, frames: FrameRange, frame: &Frame, cx: &mut Context<'_>) {
+    let Some(node) = cx.bus.node_mut(id) else { return };
+    let code = change.known.code;
+    let has_ended = change.action == DtcAction::NoLongerReported;
+    let may_be_hidden = has_ended && may_be_hidden(node, code);
+    let evicted = has_ended && !may_be_hidden && node.j1939_state().faults.was_active(change.known);
+    let kind = EventKind::Dtc(Box::new(Dtc { may_be_hidden, ..describe_trouble_code(cx.bus, id, change) }));
+    emit_frames(id, kind, frames, frame, cx);
+    if evicted {
+        cx.emit_can(frame, EventKind::Evicted { what: PREVIOUS, count: 1 });
+    }
+    match change.action {
+        DtcAction::Raised | DtcAction::Recurred => {
+            on_trouble_code(id, (code.spn, code.fmi), frame, cx);
+        }
+        DtcAction::NoLongerReported | DtcAction::Cleared => reassess_set_points(id, frame, cx),
+        DtcAction::PreviouslyActive => {}
+    }
+}
+
+fn describe_trouble_code(bus: &Bus, id: NodeId, DtcChange { known, action }: DtcChange) -> Dtc {
+    let is_new = matches!(action, DtcAction::Raised | DtcAction::PreviouslyActive);
+    let since = bus.clock.now().saturating_sub(known.since);
+    Dtc {
+        spn: known.code.spn,
+        fmi: known.code.fmi,
+        count: known.code.count,
+        action,
+        source: id.number(),
+        is_old_coding: known.code.is_assumed,
+        lamps: lamp_names(known.lamps).collect(),
+        first_frame: known.first_frame,
+        last_frame: known.last_frame,
+        since: (bus.clock.runs() && !is_new).then_some(since),
+        may_be_hidden: false,
+        by_silence: false,
+    }
+}
+
+fn emit_frames(id: NodeId, kind: EventKind, frames: FrameRange, frame: &Frame, cx: &mut Context<'_>) {
+    let mut event = cx.event_of(frame, Some(id), kind);
+    event.frames = frames;
+    cx.send(&event);
+}
+
+/// A device did what it was asked for. Only its acknowledgement of DM3 or DM11 clears: a request to all
+/// is not answered (J1939-73 §5.7.3), and without an answer nothing is known.
+pub(in crate::session) fn clear_trouble_codes(source: u8, pgn: Pgn, frame: &Frame, cx: &mut Context<'_>) {
+    let all = match pgn {
+        Pgn::DM3 => false,
+        Pgn::DM11 => true,
+        _ => return,
+    };
+    let id = NodeId::J1939(source);
+    let Some(state) = cx.bus.node_mut(id).and_then(|node| node.j1939.as_deref_mut()) else { return };
+    for change in state.faults.clear(all) {
+        emit_trouble_code(id, change, FrameRange::one(frame.number), frame, cx);
+    }
+}
+
+/// Waits for the next DM1 of a node with active codes.
+pub(in crate::session) fn schedule_dm1_deadline(id: NodeId, cx: &mut Context<'_>) {
+    let (now, runs) = (cx.bus.clock.now(), cx.bus.clock.runs());
+    let Some(node) = cx.bus.node_mut(id) else { return };
+    let silence = silence(&node.device);
+    let Some(state) = node.j1939.as_deref_mut() else { return };
+    let faults = &mut state.faults;
+    if !runs || faults.is_queued || faults.active.is_empty() {
+        return;
+    }
+    (faults.last, faults.is_queued) = (now, true);
+    cx.timers.add(now.saturating_add(silence), Subject::Dm1(id));
+}
+
+/// A node is not there any more: its silence says nothing.
+pub(in crate::session) fn cancel_dm1_deadline(id: NodeId, cx: &mut Context<'_>) {
+    let state = cx.bus.node_mut(id).and_then(|node| node.j1939.as_deref_mut());
+    if state.is_some_and(|state| std::mem::take(&mut state.faults.is_queued)) {
+        cx.timers.remove(Subject::Dm1(id));
+    }
+}
+
+/// How a device codes old SPNs, by the bus file, else by its profile.
+fn conversion(node: &Node) -> Option<SpnConversion> {
+    let given = node.j1939.as_ref().and_then(|state| state.conversion);
+    given.or_else(|| node.device.j1939.spn_conversion.map(|conversion| conversion.0))
+}
+
+/// Nanoseconds without DM1 behind which its codes are no longer reported.
+fn silence(device: &Arc<Device>) -> i64 {
+    let period = match device.j1939.dm1_period {
+        0 => PERIOD,
+        period => period,
+    };
+    i64::from(period) * 1_000_000 * PERIODS
+}
+
+/// Whether a code that left DM1 may still be there: the device shows only its most urgent one, and one is
+/// shown that is not surely less urgent.
+fn may_be_hidden(node: &Node, left: ReportedDtc) -> bool {
+    if !node.device.j1939.highest_only {
+        return false;
+    }
+    let priority = |(spn, fmi)| node.device.dtc(spn, fmi).and_then(|own| own.priority);
+    let left = priority((left.spn, left.fmi));
+    let mut shown = node.active_dtcs().map(priority);
+    shown.any(|shown| left.zip(shown).is_none_or(|(left, shown)| shown <= left))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::event::Event;
+    use crate::frame::{BusIndex, CanId, Timestamp};
+    use crate::session::BusDecoder;
+    use crate::session::limits::ACTIVE_ERROR_LIMIT;
+    use crate::session::{ProtocolChoice, SessionOptions};
+    use crate::wire::j1939::J1939Id;
+
+    const DM1: u32 = 0x18FE_CA80;
+
+    /// A bus that is J1939, a millisecond before its first frame.
+    fn bus() -> BusDecoder {
+        let options = SessionOptions { protocol: ProtocolChoice::J1939, ..SessionOptions::default() };
+        BusDecoder::new(BusIndex(0), "can0", Arc::new(options))
+    }
+
+    fn frame(id: u32, number: u64, data: &[u8]) -> Frame {
+        let time = Some(Timestamp(i64::try_from(number).unwrap() * 1_000_000));
+        Frame { number, time, ..Frame::data_frame(CanId::extended(id), data) }
+    }
+
+    /// A list with FMI 3 of these SPNs below 65536.
+    fn list(spns: impl IntoIterator<Item = u16>) -> Vec<u8> {
+        let codes = spns.into_iter().flat_map(|spn| {
+            let [low, high] = spn.to_le_bytes();
+            [low, high, 3, 1]
+        });
+        [0, 0xFF].into_iter().chain(codes).collect()
+    }
+
+    /// What a payload of many packets makes: kind, action of codes, number of the given up.
+    fn told(bus: &mut BusDecoder, id: u32, number: u64, payload: &[u8]) -> Vec<(&'static str, u64)> {
+        let mut all = Vec::new();
+        let mut observer = |event: &Event, _: &Bus| {
+            all.push(match &event.kind {
+                EventKind::Dtc(dtc) => (dtc.action.name(), u64::from(dtc.spn)),
+                EventKind::Evicted { what, count } => (*what, *count),
+                kind => (kind.name(), 0),
+            });
+        };
+        let frames = FrameRange { first: 1, last: number };
+        let id = J1939Id::of(id).unwrap();
+        bus.on_payload(Payload { id, data: payload, frames }, &frame(DM1, number, &[]), &mut observer);
+        all
+    }
+
+    #[test]
+    fn a_code_named_twice_is_one() {
+        let mut bus = bus();
+        assert_eq!(told(&mut bus, DM1, 1, &list([7, 8, 7])), [("raised", 7), ("raised", 8)]);
+        assert_eq!(told(&mut bus, DM1, 2, &list([8, 7])), []);
+        assert_eq!(told(&mut bus, DM1, 3, &list([9, 8])), [("raised", 9), ("no-longer-reported", 7)]);
+        let errors: Vec<_> = bus.bus().node(NodeId::J1939(0x80)).unwrap().errors().collect();
+        assert_eq!(errors, ["SPN 8 FMI 3", "SPN 9 FMI 3"]);
+    }
+
+    #[test]
+    fn more_codes_than_are_kept_are_said_once() {
+        let mut bus = bus();
+        let limit = u64::try_from(ACTIVE_ERROR_LIMIT).unwrap();
+        // 445 codes fill the longest message of J1939-21.
+        let all = told(&mut bus, DM1, 1, &list(1..=445));
+        assert_eq!(all.iter().filter(|(what, _)| *what == "raised").count(), ACTIVE_ERROR_LIMIT);
+        assert_eq!(all.last(), Some(&("active trouble code", 445 - limit)));
+        assert_eq!(told(&mut bus, DM1, 2, &list(1..=445)), []);
+        assert_eq!(told(&mut bus, DM1, 3, &list(1..=64)), []);
+        assert_eq!(told(&mut bus, DM1, 4, &list(1..=66)), [("active trouble code", 2)]);
+        let all = told(&mut bus, 0x18FE_CB80, 5, &list(100..=200));
+        assert_eq!(all.len(), ACTIVE_ERROR_LIMIT + 1);
+        assert_eq!(all.last(), Some(&(PREVIOUS, 101 - limit)));
+        assert_eq!(told(&mut bus, 0x18FE_CB80, 6, &list(100..=200)), []);
+    }
+
+    #[test]
+    fn dm2_alone_tells_what_was_listed() {
+        let mut bus = bus();
+        told(&mut bus, DM1, 1, &list([7]));
+        told(&mut bus, DM1, 2, &list([0]));
+        // What left DM1 is listed now, and told once; what is not listed any more comes anew.
+        assert_eq!(
+            told(&mut bus, 0x18FE_CB80, 3, &list([7, 9])),
+            [("previously-active", 7), ("previously-active", 9)]
+        );
+        assert_eq!(told(&mut bus, 0x18FE_CB80, 4, &list([9])), []);
+        assert_eq!(told(&mut bus, 0x18FE_CB80, 5, &list([7, 9])), [("previously-active", 7)]);
+    }
+
+    #[test]
+    fn a_silence_of_all_is_no_silence_of_dm1() {
+        let mut bus = bus();
+        let run = |bus: &mut BusDecoder, from: u64, to: u64, with_dm1: bool| {
+            let mut ended = 0;
+            let mut observer = |event: &Event, _: &Bus| {
+                ended += u64::from(matches!(&event.kind, EventKind::Dtc(dtc) if dtc.by_silence));
+            };
+            // Every 10 ms another one's message, which makes a pattern, and the DM1 once.
+            for number in (from..=to).step_by(10) {
+                bus.push(&frame(0x18FF_0081, number, &[0]), &mut observer);
+            }
+            if with_dm1 {
+                bus.push(&frame(DM1, to, &list([7])), &mut observer);
+            }
+            ended
+        };
+        // DM1 at 1 s: its time is over at 4 s. All stop from 3.7 s to 8.7 s, so it is over at 9 s.
+        assert_eq!(run(&mut bus, 10, 1_000, true), 0);
+        assert_eq!(run(&mut bus, 1_010, 3_700, false), 0);
+        assert_eq!(run(&mut bus, 8_700, 9_000, false), 0);
+        assert_eq!(bus.bus().node(NodeId::J1939(0x80)).unwrap().active_dtcs().collect::<Vec<_>>(), [(7, 3)]);
+        assert_eq!(run(&mut bus, 9_010, 9_010, false), 1);
+        assert_eq!(bus.bus().node(NodeId::J1939(0x80)).unwrap().active_dtcs().count(), 0);
+    }
+}

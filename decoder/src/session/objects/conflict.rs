@@ -1,0 +1,234 @@
+//! What the wire says against the device file of a node: another device, another type, another configuration.
+
+use std::hash::BuildHasher as _;
+
+use foldhash::fast::FixedState;
+
+use crate::event::{Conflict, EventKind};
+use crate::frame::Frame;
+use crate::profile::device_file::{Access, DeviceFile, DeviceObject};
+use crate::profile::{DataType, little_endian};
+use crate::session::bus::{Bus, OriginKind, Service};
+use crate::session::context::Context;
+use crate::session::limits::{CONFLICT_LIMIT, OBJECT_LIMIT};
+use crate::wire::NodeId;
+use crate::wire::canopen::ObjectAddress;
+use crate::words::plural;
+
+/// Objects that say what a device is, and never change (CiA 301 §7.5.2.1, §7.5.2.21).
+const DEVICE_TYPE: ObjectAddress = ObjectAddress::new(0x1000, 0);
+const IDENTITY: u16 = 0x1018;
+
+/// Store and restore: a write is a command, a read tells what it can do.
+const COMMANDS: [u16; 2] = [0x1010, 0x1011];
+
+/// Tells where a value that was read contradicts the device file of the node.
+pub(in crate::session) fn check_device_file(
+    id: NodeId,
+    object: ObjectAddress,
+    value: &[u8],
+    kind: OriginKind,
+    frame: &Frame,
+    cx: &mut Context<'_>,
+) {
+    let Some(import) = cx.bus.node(id).and_then(|node| node.device.file.clone()) else { return };
+    let Some(described) = import.file.find(object) else { return };
+    if kind != OriginKind::Upload {
+        let is_wanted = described.value.is_some();
+        let node = cx.bus.node_mut(id).filter(|node| node.conflicts.written.len() < OBJECT_LIMIT);
+        if let Some(node) = node.filter(|_| is_wanted) {
+            node.conflicts.written.insert(object);
+        }
+        return;
+    }
+    let source = import.file.kind.name();
+    let found = wrong_size(described, value, source)
+        .or_else(|| other_device(&import.file, described, value, id))
+        .or_else(|| not_configured(cx.bus, described, value, id));
+    let Some((stated, text)) = found else { return };
+    if !is_new_conflict(id, object, value, frame, cx) {
+        return;
+    }
+    let name = cx.bus.meaning(id, object).map(|meaning| meaning.name).unwrap_or_default();
+    let sources = [(source, stated), (kind.name(), value.to_vec())].into_iter();
+    let sources =
+        sources.filter(|(_, data)| !data.is_empty()).map(|(who, data)| (who.into(), data)).collect();
+    let conflict = Conflict { object, name, sources, text };
+    cx.emit(frame, id, false, EventKind::Conflict(Box::new(conflict)));
+}
+
+/// Once an object and value, as far as they are remembered.
+fn is_new_conflict(
+    id: NodeId,
+    object: ObjectAddress,
+    value: &[u8],
+    frame: &Frame,
+    cx: &mut Context<'_>,
+) -> bool {
+    let Some(node) = cx.bus.node_mut(id) else { return false };
+    let conflicts = &mut node.conflicts;
+    if conflicts.told.len() < CONFLICT_LIMIT {
+        return conflicts.told.insert((object, FixedState::default().hash_one(value)));
+    }
+    if !std::mem::replace(&mut conflicts.is_full, true) {
+        cx.emit(frame, id, false, EventKind::Evicted { what: "conflict", count: 1 });
+    }
+    false
+}
+
+/// A value the DCF wants, that nobody wrote since, and that no PDO carries.
+fn not_configured(bus: &Bus, object: &DeviceObject, value: &[u8], id: NodeId) -> Option<(Vec<u8>, String)> {
+    let wanted = object.wanted(id.number())?;
+    let node = bus.node(id)?;
+    let is_constant = matches!(object.access, Some(Access::Ro | Access::Const));
+    let is_said = is_constant
+        || COMMANDS.contains(&object.address.index)
+        || node.conflicts.written.contains(&object.address)
+        || same(&wanted, value, object.data_type)
+        || is_in_pdo(bus, id, object.address);
+    (!is_said).then(|| (wanted, "the node is not configured so".to_owned()))
+}
+
+/// Whether a PDO of the node that was seen carries an object.
+fn is_in_pdo(bus: &Bus, id: NodeId, object: ObjectAddress) -> bool {
+    bus.routes.layouts().any(|(service, layout)| {
+        matches!(service, Service::Pdo(_, node) if node == id)
+            && layout.fields.iter().any(|field| field.object() == Some(object))
+    })
+}
+
+/// Fewer or more bytes than the type has. An expedited transfer that does not say its size is padded by zeros.
+fn wrong_size(object: &DeviceObject, value: &[u8], source: &str) -> Option<(Vec<u8>, String)> {
+    let data_type = object.data_type?;
+    let length = usize::from(data_type.bits()?.div_ceil(8));
+    let fits =
+        value.split_at_checked(length).is_some_and(|(_, padding)| padding.iter().all(|byte| *byte == 0));
+    let bytes = |count: usize| plural(count, "byte");
+    let text = format!(
+        "{} by the {source}, which has {}, but {} came",
+        data_type.name(),
+        bytes(length),
+        bytes(value.len())
+    );
+    (!fits).then_some((Vec::new(), text))
+}
+
+/// The node says that it is another device than the one of the file.
+fn other_device(
+    file: &DeviceFile,
+    object: &DeviceObject,
+    value: &[u8],
+    node: NodeId,
+) -> Option<(Vec<u8>, String)> {
+    let header = match (object.address.index, object.address.sub) {
+        _ if object.address == DEVICE_TYPE => None,
+        (IDENTITY, 1) => file.vendor_id,
+        (IDENTITY, 2) => file.product_code,
+        (IDENTITY, 3) => file.revision,
+        _ => return None,
+    };
+    let data_type = object.data_type?;
+    let given = [&object.value, &object.default].into_iter().flatten();
+    let stated = given.filter_map(|given| given.encode(data_type, node.number()));
+    // Zero is what an editor leaves where nobody filled in a number.
+    let stated =
+        stated.chain(header.map(|number| number.to_le_bytes().to_vec())).find(|it| little_endian(it) != 0)?;
+    let text = match object.address.sub {
+        3 => "the file is of another revision",
+        _ => "the file is of another device",
+    };
+    (!same(&stated, value, Some(data_type))).then(|| (stated, text.to_owned()))
+}
+
+/// Whether bytes mean the same: padding does not count.
+fn same(wanted: &[u8], value: &[u8], data_type: Option<DataType>) -> bool {
+    match data_type {
+        Some(data_type) => data_type.decode(wanted) == data_type.decode(value),
+        None => wanted == value,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::event::Event;
+    use crate::frame::BusIndex;
+    use crate::profile::{device_file, imported};
+    use crate::session::BusDecoder;
+    use crate::session::learning::learn_object;
+    use crate::session::objects::ObjectTransfer;
+    use crate::session::{AssignedBy, Assignment, SessionOptions};
+
+    const FILE: &str = "[DeviceInfo]\nVendorNumber=1\nProductNumber=2\nRevisionNumber=3\n\
+        [1000]\nParameterName=a\nDataType=7\nAccessType=ro\nDefaultValue=0\n\
+        [1018]\nParameterName=a\nObjectType=9\n\
+        [1018sub1]\nParameterName=a\nDataType=7\nAccessType=ro\nDefaultValue=1\n\
+        [1018sub3]\nParameterName=a\nDataType=7\nAccessType=ro\nDefaultValue=0\n\
+        [2000]\nParameterName=a\nDataType=6\nAccessType=rw\nParameterValue=5\n\
+        [2001]\nParameterName=a\nDataType=6\nAccessType=ro\nParameterValue=5\n\
+        [1010]\nParameterName=a\nObjectType=9\n[1010sub1]\nParameterName=a\nDataType=7\nAccessType=rw\nParameterValue=5\n";
+
+    fn bus() -> BusDecoder {
+        let file = Arc::new(device_file::parse(FILE.as_bytes()).unwrap());
+        let device = Arc::new(imported::device(&file, "a.dcf"));
+        let assignment =
+            Assignment { bus: None, node: NodeId::Canopen(5), device, by: AssignedBy::DeviceFile };
+        let options = SessionOptions { assignments: vec![assignment], ..SessionOptions::default() };
+        BusDecoder::new(BusIndex(0), "can0", Arc::new(options))
+    }
+
+    /// Texts of the conflicts when these values are read.
+    fn read(bus: &mut BusDecoder, values: &[(u16, u8, &[u8])]) -> Vec<String> {
+        let mut texts = Vec::new();
+        for (index, sub, value) in values {
+            let object = ObjectAddress::new(*index, *sub);
+            let transfer = ObjectTransfer {
+                node: NodeId::Canopen(5),
+                object,
+                value: value.to_vec(),
+                kind: OriginKind::Upload,
+            };
+            let mut observer = |event: &Event, _: &Bus| match &event.kind {
+                EventKind::Conflict(conflict) => texts.push(conflict.text.clone()),
+                EventKind::Evicted { what, .. } => texts.push(format!("evicted {what}")),
+                _ => {}
+            };
+            learn_object(&transfer, &Frame::EMPTY, &mut bus.lend(&mut observer));
+        }
+        texts
+    }
+
+    #[test]
+    fn a_number_nobody_filled_in_says_nothing() {
+        // 1000:00 and 1018:03 are 0 in the file; the revision stands in its header.
+        let values: [(u16, u8, &[u8]); 4] = [
+            (0x1000, 0, &[9, 0, 0, 0]),
+            (0x1018, 1, &[1, 0, 0, 0]),
+            (0x1018, 3, &[3, 0, 0, 0]),
+            (0x1018, 3, &[4, 0, 0, 0]),
+        ];
+        assert_eq!(read(&mut bus(), &values), ["the file is of another revision"]);
+    }
+
+    #[test]
+    fn what_is_measured_or_a_command_is_no_configuration() {
+        let values: [(u16, u8, &[u8]); 3] =
+            [(0x2001, 0, &[9, 0]), (0x1010, 1, &[1, 0, 0, 0]), (0x2000, 0, &[5, 0, 0, 0])];
+        assert!(read(&mut bus(), &values).is_empty());
+        assert_eq!(read(&mut bus(), &[(0x2000, 0, &[9, 0])]), ["the node is not configured so"]);
+        let text = "UNSIGNED16 by the dcf, which has 2 bytes, but 3 bytes came";
+        assert_eq!(read(&mut bus(), &[(0x2000, 0, &[9, 0, 1])]), [text]);
+    }
+
+    #[test]
+    fn conflicts_are_told_up_to_a_limit() {
+        let values: Vec<[u8; 2]> = (0..300_u16).map(|number| (1000 + number).to_le_bytes()).collect();
+        let values: Vec<(u16, u8, &[u8])> =
+            values.iter().map(|value| (0x2000, 0, value.as_slice())).collect();
+        let told = read(&mut bus(), &values);
+        assert_eq!(told.len(), CONFLICT_LIMIT + 1);
+        assert_eq!(told.last().unwrap(), "evicted conflict");
+    }
+}

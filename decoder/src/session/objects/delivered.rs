@@ -1,0 +1,350 @@
+//! What a device is delivered with, or configured to by its DCF: identifiers and values no message told.
+//!
+//! All of it stands behind what the wire told and the user gave.
+
+use std::sync::Arc;
+
+use super::parameters::apply_object;
+use crate::frame::CanId;
+use crate::profile::{Owner, PdoDirection, PdoName, formula};
+use crate::session::bus::RouteOrigin;
+use crate::session::bus::{Bus, Service, identifier};
+use crate::session::options::AssignedBy;
+use crate::wire::NodeId;
+use crate::wire::canopen::ObjectAddress;
+
+/// Number of the SDO channel that is the default one, but on other identifiers; beside 1200 and up.
+const MOVED_CHANNEL: u16 = 1;
+
+/// The node has another device: its identifiers, and the values of its DCF.
+pub(in crate::session) fn take_delivered(bus: &mut Bus, id: NodeId, by: AssignedBy) {
+    let Some(node) = bus.node_mut(id) else { return };
+    if let Some(import) = &node.device.file {
+        // A DCF that was found by identity may be that of another node of the same kind.
+        let is_its = by != AssignedBy::Identity || import.file.node_id.is_none_or(|own| own == id.number());
+        if is_its {
+            let values = import
+                .file
+                .objects
+                .iter()
+                .filter_map(|object| Some((object.address, object.wanted(id.number())?)));
+            Arc::make_mut(&mut node.store).want(values);
+        }
+    }
+    forget_delivered(bus, id);
+    route_delivered(bus, id);
+    let wanted = bus.node(id).map(|node| node.store.all_wanted()).unwrap_or_default();
+    for object in wanted {
+        apply_wanted(bus, id, object);
+    }
+}
+
+/// An object fell back to something nobody told: what it is delivered with or configured to holds.
+pub(in crate::session) fn revert_to_delivered(bus: &mut Bus, id: NodeId, object: ObjectAddress) {
+    if bus.node(id).is_some_and(|node| node.store.get(object).is_some()) {
+        apply_wanted(bus, id, object);
+    } else {
+        route_delivered(bus, id);
+    }
+}
+
+/// The node has another node-ID: identifiers that depend on it follow, unless its manual says that they
+/// stay.
+pub(in crate::session) fn move_delivered(bus: &mut Bus, id: NodeId) {
+    forget_delivered(bus, id);
+    route_delivered(bus, id);
+}
+
+/// A value its DCF wants. The heartbeat time is none that is believed: the intervals tell it.
+fn apply_wanted(bus: &mut Bus, id: NodeId, object: ObjectAddress) {
+    let Some(node) = bus.node(id).filter(|node| node.store.seen(object).is_none()) else { return };
+    let number = node.store.number(object).unwrap_or(0);
+    let is_taken = match (object.index, object.sub) {
+        (0x1017, 0) => true,
+        (0x1400..=0x15FF, 1) => identifier(number).is_some_and(|can_id| is_sent_by_another(bus, can_id, id)),
+        _ => false,
+    };
+    if !is_taken {
+        apply_object(bus, id, object);
+    }
+}
+
+/// Takes back the identifiers the node has by delivery.
+fn forget_delivered(bus: &mut Bus, id: NodeId) {
+    let Some(node) = bus.node_mut(id) else { return };
+    let stays: Vec<PdoName> =
+        node.device.identity_change.cob_ids_stay.iter().filter_map(|name| name.parse().ok()).collect();
+    for can_id in std::mem::take(&mut node.delivered_ids) {
+        let service = bus.routes.learnt_at(can_id);
+        let is_its = match service {
+            Some(Service::Pdo(name, node)) => node == id && !stays.contains(&name),
+            Some(Service::Emcy(node)) => node == id,
+            Some(Service::Sdo(_, channel)) => bus.channels.server(channel) == id.canopen(),
+            _ => false,
+        };
+        if let Some(service) = service.filter(|_| is_its) {
+            let default = bus.default_service(can_id);
+            bus.routes.forget(can_id, service, default);
+        }
+    }
+}
+
+/// Routes the identifiers the device is delivered with, where nothing else is known of the service.
+fn route_delivered(bus: &mut Bus, id: NodeId) {
+    let Some(node) = bus.node(id) else { return };
+    let device = Arc::clone(&node.device);
+    for pdo in &device.pdos {
+        let cob_id = pdo.cob_id.as_deref().and_then(|text| formula(text, Some(id.number())));
+        if let Some(can_id) = cob_id.and_then(identifier) {
+            deliver(bus, id, Service::Pdo(pdo.pdo, id), can_id);
+        }
+    }
+    for object in device.dictionary.defaults(is_cob_id) {
+        let Some(can_id) = delivered_id(bus, id, object) else { continue };
+        match (object.index, object.sub) {
+            (0x1005, 0) => deliver_sync(bus, id, can_id),
+            (0x1014, 0) => deliver(bus, id, Service::Emcy(id), can_id),
+            (0x1200, 1) => deliver_channel(bus, id, can_id),
+            (_, 1) => {
+                if let Some(name) = PdoName::of_parameter(object.index) {
+                    deliver(bus, id, Service::Pdo(name, id), can_id);
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+/// The identifier an object is delivered with; `None` if it is marked invalid, or the object was told.
+fn delivered_id(bus: &Bus, id: NodeId, object: ObjectAddress) -> Option<CanId> {
+    let node = bus.node(id).filter(|node| node.store.get(object).is_none())?;
+    let entry = node.device.dictionary.find(object)?.entry?;
+    identifier(u64::try_from(entry.default_number(Some(id.number()))?).ok()?)
+}
+
+fn deliver(bus: &mut Bus, id: NodeId, service: Service, can_id: CanId) {
+    let receives = matches!(service, Service::Pdo(name, _) if name.direction == PdoDirection::Receive);
+    if bus.routes.is_placed(service)
+        || present(bus, can_id) == Some(service)
+        || receives && is_sent_by_another(bus, can_id, id)
+    {
+        return;
+    }
+    learn_delivered(bus, id, can_id, service);
+}
+
+fn learn_delivered(bus: &mut Bus, id: NodeId, can_id: CanId, service: Service) {
+    bus.routes.learn(can_id, service);
+    if let Some(node) = bus.node_mut(id) {
+        node.delivered_ids.push(can_id);
+    }
+}
+
+/// The SYNC a node obeys; others may obey another one.
+fn deliver_sync(bus: &mut Bus, id: NodeId, can_id: CanId) {
+    if let Some(node) = bus.node_mut(id) {
+        node.sync = can_id;
+    }
+    if present(bus, can_id) != Some(Service::Sync) {
+        bus.routes.learn(can_id, Service::Sync);
+    }
+}
+
+/// The default SDO channel, where it is not on the predefined identifiers (CiA 301 §7.5.2.33).
+fn deliver_channel(bus: &mut Bus, id: NodeId, request: CanId) {
+    let Some(response) = delivered_id(bus, id, ObjectAddress::new(0x1200, 2)) else { return };
+    let predefined = [0x600, 0x580].map(|base: u16| CanId::standard(base + u16::from(id.number())));
+    if [request, response] == predefined {
+        return;
+    }
+    if let Some(channel) = bus.channels.add(id.number(), MOVED_CHANNEL, request, response, None) {
+        bus.route_channel(channel, request, response);
+        if let Some(node) = bus.node_mut(id) {
+            node.delivered_ids.extend([request, response]);
+        }
+    }
+}
+
+/// Whether another node's TPDO has the identifier: then this one listens to it, and the sender counts.
+fn is_sent_by_another(bus: &Bus, can_id: CanId, id: NodeId) -> bool {
+    matches!(present(bus, can_id), Some(Service::Pdo(name, node)) if node != id && name.direction == PdoDirection::Transmit)
+}
+
+/// What an identifier is now, of the services a device is delivered with.
+fn present(bus: &Bus, can_id: CanId) -> Option<Service> {
+    match bus.routes.origin(can_id) {
+        RouteOrigin::Learnt(service) => Some(service),
+        RouteOrigin::Default(Owner::Pdo(name, node)) => Some(Service::Pdo(name, node.into())),
+        RouteOrigin::Default(Owner::Emcy(node)) => Some(Service::Emcy(node.into())),
+        RouteOrigin::Default(Owner::Sync) => Some(Service::Sync),
+        RouteOrigin::Default(_) | RouteOrigin::J1939(_) => None,
+    }
+}
+
+/// Objects that hold the identifiers of a node's own services.
+const fn is_cob_id(object: ObjectAddress) -> bool {
+    matches!(
+        (object.index, object.sub),
+        (0x1005 | 0x1014, 0) | (0x1200 | 0x1400..=0x15FF | 0x1800..=0x19FF, 1)
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fmt::Write as _;
+
+    use super::*;
+    use crate::event::{Event, EventKind};
+    use crate::frame::{BusIndex, Frame, Timestamp};
+    use crate::profile::{device_file, imported};
+    use crate::session::BusDecoder;
+    use crate::session::identity::change_node_id;
+    use crate::session::{Assignment, SessionOptions};
+
+    /// A bus whose nodes have device files with these COB-IDs as default or, behind `=`, wanted.
+    fn bus(nodes: &[(u8, &[(&str, &str)])]) -> BusDecoder {
+        let assignments = nodes.iter().map(|(node, objects)| {
+            let mut text = String::new();
+            for (object, value) in *objects {
+                let index = object.split("sub").next().unwrap();
+                if index != *object {
+                    write!(text, "[{index}]\nParameterName=a\nObjectType=9\n").unwrap();
+                }
+                let (key, value) = match value.strip_prefix('=') {
+                    Some(value) => ("ParameterValue", value),
+                    None => ("DefaultValue", *value),
+                };
+                write!(text, "[{object}]\nParameterName=a\nDataType=7\nAccessType=rw\n{key}={value}\n")
+                    .unwrap();
+            }
+            let file = Arc::new(device_file::parse(text.as_bytes()).unwrap());
+            let device = Arc::new(imported::device(&file, "a.eds"));
+            Assignment { bus: None, node: (*node).into(), device, by: AssignedBy::DeviceFile }
+        });
+        let options = SessionOptions { assignments: assignments.collect(), ..SessionOptions::default() };
+        BusDecoder::new(BusIndex(0), "can0", Arc::new(options))
+    }
+
+    /// What frames with these identifiers are understood as.
+    fn seen(bus: &mut BusDecoder, ids: &[u16]) -> Vec<String> {
+        let mut seen = Vec::new();
+        for (number, id) in (1..).zip(ids) {
+            let mut frame = Frame::data_frame(CanId::standard(*id), &[0; 8]);
+            (frame.number, frame.time) = (number, Some(Timestamp(i64::try_from(number).unwrap())));
+            bus.push(&frame, &mut |_: &Event, _: &Bus| {});
+        }
+        seen.extend(ids.iter().map(|id| {
+            let slot =
+                bus.bus().routes.find(CanId::standard(*id)).and_then(|slot| bus.bus().routes.slot(slot));
+            match slot.unwrap().service {
+                Service::Pdo(name, node) => format!("{name} of {node}"),
+                Service::Emcy(node) => format!("EMCY of {node}"),
+                Service::Sdo(side, channel) => {
+                    format!("SDO {side:?} of {}", bus.bus().channels.server(channel).unwrap())
+                }
+                other => format!("{other:?}"),
+            }
+        }));
+        seen
+    }
+
+    const NODE_5: &[(&str, &str)] = &[
+        ("1005", "0x400000A0"),
+        ("1014", "$NODEID+0x6A0"),
+        ("1200sub1", "$NODEID+0x640"),
+        ("1200sub2", "$NODEID+0x5C0"),
+        ("1400sub1", "$NODEID+0x200"),
+        ("1800sub1", "$NODEID+0x400001C0"),
+        ("1801sub1", "$NODEID+0x80000300"),
+    ];
+
+    #[test]
+    fn identifiers_by_default_are_routed_where_they_are_not_the_predefined_ones() {
+        let mut bus = bus(&[(5, NODE_5)]);
+        let found = seen(&mut bus, &[0x0A0, 0x6A5, 0x645, 0x5C5, 0x205, 0x1C5, 0x305, 0x285]);
+        let expected = [
+            "Sync",
+            "EMCY of 5",
+            "SDO Client of 5",
+            "SDO Server of 5",
+            "RPDO1 of 5",
+            "TPDO1 of 5",
+            // Marked invalid: what the predefined connection set says.
+            "RPDO2 of 5",
+            "TPDO2 of 5",
+        ];
+        assert_eq!(found, expected);
+        assert_eq!(bus.bus().node(5).unwrap().sync, CanId::standard(0xA0));
+    }
+
+    #[test]
+    fn who_listens_does_not_take_the_identifier_of_who_sends() {
+        // Node 5 listens to TPDO1 of node 4, and to TPDO2, which is on another identifier.
+        let listener: &[(&str, &str)] =
+            &[("1400sub1", "=0x184"), ("1401sub1", "0x3A0"), ("1402sub1", "=0x3A1")];
+        let sender: &[(&str, &str)] = &[("1801sub1", "0x3A0")];
+        for order in [[(4, sender), (5, listener)], [(5, listener), (4, sender)]] {
+            let found = seen(&mut bus(&order), &[0x184, 0x3A0, 0x3A1]);
+            assert_eq!(found[..2], ["TPDO1 of 4", "TPDO2 of 4"]);
+        }
+        let nobody = seen(&mut bus(&[(5, &[("1402sub1", "=0x6B1")])]), &[0x6B1]);
+        assert_eq!(nobody, ["RPDO3 of 5"]);
+    }
+
+    /// An expedited upload of four bytes.
+    fn upload(bus: &mut BusDecoder, node: u8, object: (u16, u8), value: u32) -> Vec<Event> {
+        let [low, high] = object.0.to_le_bytes();
+        let [a, b, c, d] = value.to_le_bytes();
+        let request = [0x40, low, high, object.1, 0, 0, 0, 0];
+        let response = [0x43, low, high, object.1, a, b, c, d];
+        let mut events = Vec::new();
+        for (base, data) in [(0x600, request), (0x580, response)] {
+            let mut frame = Frame::data_frame(CanId::standard(base + u16::from(node)), &data);
+            frame.number = bus.bus().last_frame + 1;
+            frame.time = Some(Timestamp(1_000_000 * i64::try_from(frame.number).unwrap()));
+            bus.push(&frame, &mut |event: &Event, _: &Bus| events.push(event.clone()));
+        }
+        events
+    }
+
+    #[test]
+    fn what_the_wire_tells_goes_before_it() {
+        let mut bus = bus(&[(5, &[("1800sub1", "$NODEID+0x1C0")])]);
+        assert_eq!(seen(&mut bus, &[0x1C5]), ["TPDO1 of 5"]);
+        upload(&mut bus, 5, (0x1800, 1), 0x4000_01B5);
+        assert_eq!(seen(&mut bus, &[0x1B5, 0x1C5]), ["TPDO1 of 5", "TPDO1 of 69"]);
+    }
+
+    #[test]
+    fn identifiers_follow_the_node_id() {
+        let mut bus = bus(&[(5, &[("1800sub1", "$NODEID+0x1C0"), ("1801sub1", "0x2F0")])]);
+        seen(&mut bus, &[0x1C5]);
+        let mut observer = |_: &Event, _: &Bus| {};
+        change_node_id(Some(5.into()), 6.into(), "lss", &Frame::EMPTY, &mut bus.lend(&mut observer));
+        assert_eq!(seen(&mut bus, &[0x1C5, 0x1C6, 0x2F0]), ["TPDO1 of 69", "TPDO1 of 6", "TPDO2 of 6"]);
+    }
+
+    #[test]
+    fn a_wanted_value_holds_until_the_wire_tells_another() {
+        let mut bus = bus(&[(5, &[("1017", "=500"), ("1A00sub0", "=1"), ("1A00sub1", "=0x20000010")])]);
+        let layout = |bus: &mut BusDecoder| {
+            let mut layout = None;
+            let mut frame = Frame::data_frame(CanId::standard(0x185), &[1, 2]);
+            frame.number = 50;
+            bus.push(&frame, &mut |event: &Event, _: &Bus| {
+                if let EventKind::Pdo(pdo) = &event.kind {
+                    layout.clone_from(&pdo.layout);
+                }
+            });
+            let layout = layout.unwrap();
+            (layout.origin, layout.assumed, layout.fields[0].object().unwrap().index)
+        };
+        assert_eq!(layout(&mut bus), ("dcf", true, 0x2000));
+        // The intervals tell the heartbeat time.
+        assert_eq!(bus.bus().node(5).unwrap().heartbeat.configured, None);
+        upload(&mut bus, 5, (0x1A00, 0), 1);
+        assert_eq!(layout(&mut bus), ("wire", true, 0x2000));
+        upload(&mut bus, 5, (0x1A00, 1), 0x2001_0010);
+        assert_eq!(layout(&mut bus), ("wire", false, 0x2001));
+    }
+}

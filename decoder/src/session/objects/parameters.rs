@@ -1,0 +1,128 @@
+//! What an object tells of the bus: COB-IDs, PDO mappings, timers, SDO channels.
+
+use crate::profile::PdoName;
+use crate::session::bus::{Bus, Service, identifier};
+use crate::wire::NodeId;
+use crate::wire::canopen::ObjectAddress;
+
+/// Bit 31 of a PDO's COB-ID: it does not exist.
+const INVALID: u64 = 1 << 31;
+
+/// Default identifier of SYNC (CiA 301 §7.5.2.5).
+const SYNC: u64 = 0x80;
+
+pub(in crate::session) fn apply_object(bus: &mut Bus, id: NodeId, address: ObjectAddress) {
+    let Some(number) = bus.object_number(id, address) else { return };
+    match (address.index, address.sub) {
+        (0x1005, 0) => own_sync(bus, id, number),
+        (0x1012, 0) => route_to(bus, Service::Time, number & !0xC000_0000),
+        (0x1014, 0) => route_to(bus, Service::Emcy(id), number),
+        (0x1017, 0) => heartbeat_time(bus, id, number),
+        (0x1200..=0x127F, _) => learn_channel(bus, id, address.index),
+        (0x1280..=0x12FF, _) => learn_client(bus, id, address.index),
+        (0x1400..=0x1BFF, _) => learn_pdo(bus, id, address),
+        _ => {}
+    }
+}
+
+/// The identifier of a service changed: the old one goes back to its default, unless another uses it.
+fn route_to(bus: &mut Bus, service: Service, cob_id: u64) {
+    let new = identifier(cob_id);
+    if let Some(old) = bus.routes.learnt_id(service).filter(|old| Some(*old) != new) {
+        let default = bus.default_service(old);
+        bus.routes.forget(old, service, default);
+    }
+    if let Some(id) = new.filter(|id| id.number() != 0 && bus.default_service(*id) != service) {
+        bus.routes.learn(id, service);
+    }
+}
+
+fn heartbeat_time(bus: &mut Bus, id: NodeId, milliseconds: u64) {
+    let Some(node) = bus.node_mut(id) else { return };
+    let nanoseconds = i64::try_from(milliseconds).unwrap_or(0).saturating_mul(1_000_000);
+    node.heartbeat.configured = Some(nanoseconds);
+    if nanoseconds == 0 {
+        node.heartbeat.deadline = None;
+    }
+}
+
+/// SDO server parameter 1201 and up: client to server in sub 1, server to client in sub 2.
+fn learn_channel(bus: &mut Bus, id: NodeId, index: u16) {
+    if index == 0x1200 {
+        return;
+    }
+    let ids = [1, 2].map(|sub| bus.object_number(id, ObjectAddress::new(index, sub)).and_then(identifier));
+    let client = bus.object_number(id, ObjectAddress::new(index, 3)).and_then(|id| u8::try_from(id).ok());
+    if let [Some(request), Some(response)] = ids
+        && let Some(channel) = bus.channels.add(id.number(), index, request, response, client)
+    {
+        bus.route_channel(channel, request, response);
+    }
+}
+
+/// SDO client parameter 1280 and up: whom this node asks, and on which identifiers.
+fn learn_client(bus: &mut Bus, id: NodeId, index: u16) {
+    let number = |sub| bus.object_number(id, ObjectAddress::new(index, sub));
+    let ids = [number(1).and_then(identifier), number(2).and_then(identifier)];
+    let server = number(3).and_then(|server| u8::try_from(server).ok());
+    if let ([Some(request), Some(response)], Some(server @ 1..=127)) = (ids, server)
+        && let Some(channel) = bus.channels.of_client(server, index, request, response, id.number())
+    {
+        bus.route_channel(channel, request, response);
+    }
+}
+
+/// A PDO parameter changed. The identifier takes effect when it becomes valid, the mapping when the
+/// PDO becomes valid again, or at once with the number of entries if it never was invalid.
+fn learn_pdo(bus: &mut Bus, id: NodeId, address: ObjectAddress) {
+    let Some(name) = PdoName::of_parameter(address.index) else { return };
+    let service = Service::Pdo(name, id);
+    let cob_id = bus.object_number(id, ObjectAddress::new(name.communication_index(), 1));
+    let is_valid = cob_id.is_none_or(|cob_id| cob_id & INVALID == 0);
+    if address == ObjectAddress::new(name.communication_index(), 1)
+        && let Some(cob_id) = cob_id
+    {
+        route_to(bus, service, cob_id);
+    }
+    let is_mapping = address.index == name.mapping_index();
+    if is_valid && (is_mapping || address.sub == 1) {
+        bus.routes.refresh_pdo(name, id);
+    }
+}
+
+/// An object fell back to something unknown: identifiers and times are the default ones again.
+pub(in crate::session) fn revert_object(bus: &mut Bus, id: NodeId, address: ObjectAddress) {
+    match (address.index, address.sub) {
+        (0x1005, 0) => own_sync(bus, id, SYNC),
+        (0x1014, 0) => forget_route(bus, Service::Emcy(id)),
+        (0x1017, 0) => {
+            if let Some(node) = bus.node_mut(id) {
+                node.heartbeat.configured = None;
+            }
+        }
+        (0x1400..=0x1BFF, 1) => {
+            if let Some(name) = PdoName::of_parameter(address.index) {
+                forget_route(bus, Service::Pdo(name, id));
+            }
+        }
+        _ => {}
+    }
+}
+
+fn forget_route(bus: &mut Bus, service: Service) {
+    if let Some(old) = bus.routes.learnt_id(service) {
+        let default = bus.default_service(old);
+        bus.routes.forget(old, service, default);
+    }
+}
+
+/// The SYNC a node obeys; others may obey another one, so none is given up.
+fn own_sync(bus: &mut Bus, id: NodeId, cob_id: u64) {
+    let Some(sync) = identifier(cob_id & !0xC000_0000) else { return };
+    if let Some(node) = bus.node_mut(id) {
+        node.sync = sync;
+    }
+    if sync.number() != 0 && bus.default_service(sync) != Service::Sync {
+        bus.routes.learn(sync, Service::Sync);
+    }
+}

@@ -1,0 +1,131 @@
+//! A node starts anew: what waited takes effect, what was not kept is gone (DESIGN: a trace never shows a
+//! power-on, so effects of one are presumed until something confirms or contradicts them).
+
+use std::sync::Arc;
+
+use super::delivered::revert_to_delivered;
+use super::parameters::{apply_object, revert_object};
+use super::values::mark_unsaved_stale;
+use crate::event::{EventKind, ObjectChange};
+use crate::frame::Frame;
+use crate::profile::device::Order;
+use crate::profile::object::Format;
+use crate::profile::{Effect, Storage};
+use crate::session::bus::{Bus, Node, Origin, OriginKind, Restart};
+use crate::session::context::Context;
+use crate::wire::NodeId;
+use crate::wire::canopen::ObjectAddress;
+
+/// One value that is another one behind the restart.
+pub(in crate::session) struct RestartChange {
+    object: ObjectAddress,
+    from: Option<Vec<u8>>,
+    to: Option<Vec<u8>>,
+    origin: &'static str,
+}
+
+/// Values that will be gone, of those written: for the event that tells the start.
+pub(in crate::session) fn count_lost_settings(bus: &Bus, id: NodeId) -> u32 {
+    let Some(node) = bus.node(id) else { return 0 };
+    let lost = lost(node).into_iter().filter(|change| {
+        let entry = node.store.get(change.object);
+        change.from != change.to && entry.is_some_and(|entry| entry.origin.kind == OriginKind::Download)
+    });
+    u32::try_from(lost.count()).unwrap_or(u32::MAX)
+}
+
+/// What a restart does to the values known of a node; the changes are emitted after it.
+pub(in crate::session) fn restart_values(bus: &mut Bus, id: NodeId, frame: &Frame) -> Vec<RestartChange> {
+    let Some(node) = bus.node_mut(id) else { return Vec::new() };
+    let presumed = node.restart == Restart::PowerOn;
+    let is_due = node.restart_brings();
+    let waiting = Arc::make_mut(&mut node.store).take_waiting(is_due);
+    let mut changes = lost(node);
+    let store = Arc::make_mut(&mut node.store);
+    for change in &changes {
+        match &change.to {
+            Some(kept) => store.fall_back(change.object, kept),
+            None => store.remove(change.object),
+        }
+    }
+    for (object, value) in waiting {
+        let from = store.seen(object).map(|entry| entry.value.clone());
+        let origin = Origin { kind: OriginKind::Download, frame: frame.number, time: frame.time };
+        if store.set(object, &value, origin).is_ok() && presumed {
+            store.doubt(object);
+        }
+        changes.push(RestartChange { object, from, to: Some(value), origin: "restart" });
+    }
+    mark_unsaved_stale(bus, id);
+    bus.routes.refresh_pdos_of(id);
+    changes
+}
+
+pub(in crate::session) fn emit_restart_changes(
+    id: NodeId,
+    changes: Vec<RestartChange>,
+    frame: &Frame,
+    cx: &mut Context<'_>,
+) {
+    for RestartChange { object, from, to, origin } in changes {
+        if from == to {
+            continue;
+        }
+        revert_value(cx.bus, id, object);
+        let kind = EventKind::ObjectChange(Box::new(ObjectChange {
+            object,
+            from,
+            to,
+            origin,
+            effect: None,
+            persists: None,
+        }));
+        cx.emit(frame, id, origin != "restart", kind);
+    }
+}
+
+/// An object has another value without a message: identifiers and times follow.
+fn revert_value(bus: &mut Bus, id: NodeId, object: ObjectAddress) {
+    if let Some(node) = bus.node_mut(id) {
+        let decides = node.device.emcy.byte_order.as_ref().and_then(Order::object) == Some(object);
+        node.emcy_order = node.emcy_order.filter(|_| !decides);
+    }
+    let known = bus.node(id).is_some_and(|node| node.store.seen(object).is_some());
+    if known {
+        apply_object(bus, id, object);
+    } else {
+        revert_object(bus, id, object);
+        revert_to_delivered(bus, id, object);
+    }
+}
+
+/// What falls back: volatile objects, and those whose last write was not stored.
+fn lost(node: &Node) -> Vec<RestartChange> {
+    let mut changes = Vec::new();
+    for (object, entry) in node.store.sorted() {
+        if matches!(entry.origin.kind, OriginKind::BusFile | OriginKind::DeviceFile) {
+            continue;
+        }
+        let known = node.device.dictionary.find(object).and_then(|found| found.entry);
+        // A signature is a command: nothing was set.
+        let known = known.filter(|known| known.format != Format::Ascii);
+        let kept = node.store.kept(object).map(<[u8]>::to_vec);
+        let to = match known.map(|known| known.storage) {
+            Some(Storage::Volatile) => None,
+            Some(Storage::Save) if entry.origin.kind == OriginKind::Download => kept,
+            _ => continue,
+        };
+        if to.as_ref() != Some(&entry.value) {
+            changes.push(RestartChange { object, from: Some(entry.value.clone()), to, origin: "reset" });
+        }
+    }
+    changes
+}
+
+impl Node {
+    /// Whether a waiting value takes effect at the present restart.
+    fn restart_brings(&self) -> impl Fn(Effect) -> bool + use<> {
+        let restart = self.restart;
+        move |effect| restart.brings(effect)
+    }
+}

@@ -1,0 +1,264 @@
+//! Values of objects as transfers confirm them: what acts now, what waits, what is kept, what is void.
+
+use std::sync::Arc;
+
+use super::conflict::check_device_file;
+use super::parameters::apply_object;
+use crate::bus_file::encode;
+use crate::event::{EventKind, ObjectChange};
+use crate::frame::Frame;
+use crate::profile::device::Device;
+use crate::profile::object::Format;
+use crate::profile::{DataType, Effect, Entry, Found, Storage};
+use crate::session::bus::Waiting;
+use crate::session::bus::{Bus, Node, Origin, OriginKind};
+use crate::session::context::Context;
+use crate::wire::NodeId;
+use crate::wire::canopen::ObjectAddress;
+
+/// Store parameters and restore default parameters (CiA 301 §7.5.2.13, §7.5.2.14).
+const STORE: u16 = 0x1010;
+const RESTORE: u16 = 0x1011;
+
+/// The value of an object that a transfer confirmed.
+#[derive(Debug, Clone)]
+pub(in crate::session) struct ObjectTransfer {
+    pub(in crate::session) node: NodeId,
+    pub(in crate::session) object: ObjectAddress,
+    pub(in crate::session) value: Vec<u8>,
+    /// Download or upload.
+    pub(in crate::session) kind: OriginKind,
+}
+
+/// One value of one object in one transfer.
+#[derive(Clone, Copy)]
+struct Learnt<'a> {
+    object: ObjectAddress,
+    value: &'a [u8],
+    origin: Origin,
+}
+
+/// Puts the value of a confirmed transfer into the store and applies it.
+pub(in crate::session) fn apply_transfer(transfer: &ObjectTransfer, frame: &Frame, cx: &mut Context<'_>) {
+    let (id, object, kind) = (transfer.node, transfer.object, transfer.kind);
+    let Some(node) = cx.bus.node_mut(id) else { return };
+    let device = Arc::clone(&node.device);
+    let found = device.dictionary.find(object);
+    let entry = found.and_then(|found| found.entry);
+    let origin = Origin { kind, frame: frame.number, time: frame.time };
+    let learnt = Learnt { object, value: transfer.unpadded(&device), origin };
+    check_device_file(id, object, learnt.value, kind, frame, cx);
+    match kind {
+        OriginKind::Download => apply_download(id, learnt, &device, found, frame, cx),
+        _ => apply_upload(id, learnt, entry, frame, cx),
+    }
+}
+
+impl ObjectTransfer {
+    /// The value without the padding of an expedited transfer that does not state its size.
+    pub(in crate::session) fn unpadded(&self, device: &Device) -> &[u8] {
+        unpadded(&self.value, device.dictionary.data_type(self.object))
+    }
+}
+
+fn apply_download(
+    id: NodeId,
+    learnt: Learnt<'_>,
+    device: &Device,
+    found: Option<Found<'_>>,
+    frame: &Frame,
+    cx: &mut Context<'_>,
+) {
+    let entry = found.and_then(|found| found.entry);
+    let effect = entry.map_or(Effect::Unknown, |entry| entry.effect);
+    note_store_command(cx.bus, id, learnt.object, learnt.value, device);
+    if effect == Effect::Never {
+        return;
+    }
+    // A signature is a command: it is no value that could wait.
+    let is_command = entry.is_some_and(|entry| entry.format == Format::Ascii);
+    if effect.waits() && !is_command {
+        defer_download(id, learnt, entry, frame, cx);
+    } else {
+        set_value(id, learnt, entry, frame, cx);
+    }
+    if let Some(found) = found.filter(|_| !effect.waits()) {
+        invalidate_dependents(cx.bus, id, found);
+    }
+}
+
+/// A value that acts from a restart on.
+fn defer_download(
+    id: NodeId,
+    learnt: Learnt<'_>,
+    entry: Option<&Entry>,
+    frame: &Frame,
+    cx: &mut Context<'_>,
+) {
+    let Some(node) = cx.bus.node_mut(id) else { return };
+    let effect = entry.map_or(Effect::Unknown, |entry| entry.effect);
+    let from = node.store.seen(learnt.object).map(|entry| entry.value.clone());
+    let waiting = Waiting { value: learnt.value.to_vec(), effect, origin: learnt.origin };
+    Arc::make_mut(&mut node.store).wait(learnt.object, waiting);
+    if from.as_deref() != Some(learnt.value) {
+        emit_object_change(id, learnt, from, entry, frame, cx);
+    }
+}
+
+fn apply_upload(id: NodeId, learnt: Learnt<'_>, entry: Option<&Entry>, frame: &Frame, cx: &mut Context<'_>) {
+    // What waits for a restart may be read back before it acts.
+    let waits = cx.bus.node(id).and_then(|node| node.store.waiting(learnt.object));
+    if waits.is_some_and(|waiting| waiting.value == learnt.value) {
+        return;
+    }
+    set_value(id, learnt, entry, frame, cx);
+}
+
+fn set_value(id: NodeId, learnt: Learnt<'_>, entry: Option<&Entry>, frame: &Frame, cx: &mut Context<'_>) {
+    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Ok(before) = Arc::make_mut(&mut node.store).set(learnt.object, learnt.value, learnt.origin) else {
+        let kind = EventKind::Evicted { what: "object", count: 1 };
+        return cx.emit(frame, id, false, kind);
+    };
+    let was_sure = before.as_ref().is_some_and(|before| !before.stale);
+    let from = before.map(|before| before.value);
+    let changed = from.as_deref() != Some(learnt.value);
+    if changed && learnt.origin.kind == OriginKind::Download {
+        emit_object_change(id, learnt, from, entry, frame, cx);
+    }
+    if changed || !was_sure {
+        cx.bus.routes.refresh_dependents(id, learnt.object);
+    }
+    apply_object(cx.bus, id, learnt.object);
+}
+
+fn emit_object_change(
+    id: NodeId,
+    learnt: Learnt<'_>,
+    from: Option<Vec<u8>>,
+    entry: Option<&Entry>,
+    frame: &Frame,
+    cx: &mut Context<'_>,
+) {
+    let (effect, persists) = entry.map_or((None, None), Entry::consequence);
+    let change = ObjectChange {
+        object: learnt.object,
+        from,
+        to: Some(learnt.value.to_vec()),
+        origin: learnt.origin.kind.name(),
+        effect,
+        persists,
+    };
+    cx.emit(frame, id, true, EventKind::ObjectChange(Box::new(change)));
+}
+
+/// "save" keeps values over a restart, "load" voids what is kept.
+fn note_store_command(bus: &mut Bus, id: NodeId, object: ObjectAddress, value: &[u8], device: &Device) {
+    let Some(node) = bus.node_mut(id) else { return };
+    let is_save = object.index == STORE && value == b"save";
+    // Without a word of the device: any later write is unsaved again.
+    node.saved = is_save;
+    let covers = |kept: ObjectAddress| covers(device, object.sub, kept);
+    if is_save {
+        Arc::make_mut(&mut node.store).keep(covers);
+    } else if object.index == RESTORE && value == b"load" {
+        Arc::make_mut(&mut node.store).forget_kept(covers);
+    }
+}
+
+/// Objects whose known value is void after a write.
+fn invalidate_dependents(bus: &mut Bus, id: NodeId, found: Found<'_>) {
+    let Some(entry) = found.entry.filter(|entry| !entry.invalidates.is_empty()) else { return };
+    let stride = found.object.repeat.stride;
+    let covers = |object: ObjectAddress| {
+        object != found.address
+            && entry.invalidates.iter().any(|range| range.covers(object, found.nth, stride))
+    };
+    mark_stale(bus, id, covers);
+}
+
+/// Values of these objects may be others now.
+pub(in crate::session) fn mark_stale(bus: &mut Bus, id: NodeId, covers: impl Fn(ObjectAddress) -> bool) {
+    let Some(node) = bus.node_mut(id) else { return };
+    for object in Arc::make_mut(&mut node.store).doubt_all(covers) {
+        bus.routes.refresh_dependents(id, object);
+    }
+}
+
+/// A device put a value of its own: as its manual says, so it is assumed.
+pub(in crate::session) fn set_fallback(
+    bus: &mut Bus,
+    id: NodeId,
+    object: ObjectAddress,
+    value: i64,
+    frame: &Frame,
+) {
+    let Some(node) = bus.node_mut(id) else { return };
+    let data_type = node.device.dictionary.data_type(object);
+    let Ok(bytes) = encode(value, data_type) else { return };
+    let origin = Origin { kind: OriginKind::Upload, frame: frame.number, time: frame.time };
+    let store = Arc::make_mut(&mut node.store);
+    if store.set(object, &bytes, origin).is_ok() {
+        store.doubt(object);
+        bus.routes.refresh_dependents(id, object);
+    }
+}
+
+/// A node booted: what it was told and did not save may be gone, where the device does not tell.
+pub(in crate::session) fn mark_unsaved_stale(bus: &mut Bus, id: NodeId) {
+    let Some(node) = bus.node_mut(id) else { return };
+    if node.saved || node.store().is_empty() {
+        return;
+    }
+    let device = Arc::clone(&node.device);
+    let untold = |object: ObjectAddress| {
+        let entry = device.dictionary.find(object).and_then(|found| found.entry);
+        entry.is_none_or(|entry| entry.storage == Storage::Unknown)
+    };
+    Arc::make_mut(&mut node.store).doubt_all(untold);
+    bus.routes.refresh_pdos_of(id);
+}
+
+/// A value without the padding of an expedited transfer that does not tell its size.
+fn unpadded(value: &[u8], data_type: Option<DataType>) -> &[u8] {
+    let length = data_type.and_then(DataType::bits).map(|bits| usize::from(bits.div_ceil(8)));
+    match length.and_then(|length| value.split_at_checked(length)) {
+        Some((value, padding)) if padding.iter().all(|byte| *byte == 0) => value,
+        _ => value,
+    }
+}
+
+impl Node {
+    /// Whether the present value of an object outlives a restart, as far as the device's profile tells:
+    /// `yes`, `no`, `not-stored` (its store object was not written since).
+    pub fn persists(&self, object: ObjectAddress) -> Option<&'static str> {
+        let entry = self.device.dictionary.find(object)?.entry.filter(|it| it.format != Format::Ascii)?;
+        let value = self.store.get(object)?;
+        match entry.storage {
+            Storage::EachWrite | Storage::Fixed => Some("yes"),
+            Storage::Volatile => Some("no"),
+            Storage::Save if self.store.kept(object) == Some(value.value.as_slice()) => Some("yes"),
+            // What was read and never written is what the device had stored.
+            Storage::Save if value.origin.kind == OriginKind::Upload => Some("yes"),
+            Storage::Save => Some("not-stored"),
+            Storage::Unknown => None,
+        }
+    }
+}
+
+/// Whether a store or restore object concerns an object: as the device says, else by CiA 301 (1: all,
+/// 2: communication, 3: application).
+fn covers(device: &Device, sub: u8, object: ObjectAddress) -> bool {
+    let found = device.dictionary.find(object);
+    let entry = found.and_then(|found| found.entry);
+    if entry.is_some_and(|entry| !matches!(entry.storage, Storage::Save | Storage::Unknown)) {
+        return false;
+    }
+    match (sub, entry.and_then(|entry| entry.save)) {
+        (1, _) => true,
+        (sub, Some(save)) => save.object.sub == sub,
+        (2, None) => (0x1000..=0x1FFF).contains(&object.index),
+        (3, None) => (0x6000..=0x9FFF).contains(&object.index),
+        _ => false,
+    }
+}

@@ -1,0 +1,16 @@
+//! Who receives events.
+
+use super::bus::Bus;
+use crate::event::Event;
+
+/// Takes events as they happen.
+pub trait Observer {
+    /// `event` happened on `bus`; `bus` is in the state after the event.
+    fn event(&mut self, event: &Event, bus: &Bus);
+}
+
+impl<F: FnMut(&Event, &Bus)> Observer for F {
+    fn event(&mut self, event: &Event, bus: &Bus) {
+        self(event, bus);
+    }
+}

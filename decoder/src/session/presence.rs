@@ -1,0 +1,54 @@
+//! Whether a node is there: its last frame, its loss, its return.
+
+use crate::event::{EventKind, Silence};
+use crate::frame::Frame;
+use crate::session::bus::Node;
+use crate::session::context::Context;
+use crate::wire::NodeId;
+
+/// The node sent a frame; it is back if it was lost.
+pub(in crate::session) fn mark_alive(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
+    let now = cx.bus.clock.now();
+    let Some(node) = cx.bus.node_mut(id) else { return };
+    if std::mem::replace(&mut node.lost, false) {
+        let gap = now.saturating_sub(node.last_heard);
+        let monitored_by = if node.guarding.last_reply.is_some() { "guarding" } else { "heartbeat" };
+        let kind = EventKind::NodeBack(silence(node, gap, monitored_by));
+        node.refresh_attention();
+        cx.emit(frame, id, false, kind);
+    }
+    let Some(node) = cx.bus.node_mut(id) else { return };
+    node.last_frame = frame.number;
+    if node.first_frame == 0 {
+        node.first_frame = frame.number;
+    }
+    node.last_seen = frame.time;
+    node.last_heard = now;
+}
+
+/// The node is silent longer than its monitoring allows.
+pub(in crate::session) fn emit_node_lost(
+    id: NodeId,
+    gap: i64,
+    monitored_by: &'static str,
+    frame: &Frame,
+    cx: &mut Context<'_>,
+) {
+    let Some(node) = cx.bus.node_mut(id) else { return };
+    if std::mem::replace(&mut node.lost, true) {
+        return;
+    }
+    node.refresh_attention();
+    let silence = silence(node, gap, monitored_by);
+    cx.emit(frame, id, false, EventKind::NodeLost(silence));
+}
+
+fn silence(node: &Node, gap: i64, monitored_by: &'static str) -> Silence {
+    Silence {
+        last_frame: node.last_frame,
+        last_state: node.nmt.map(|nmt| nmt.state),
+        last_emcy: node.last_error,
+        gap,
+        monitored_by,
+    }
+}
