@@ -197,6 +197,17 @@ impl Theme {
         }
     }
 
+    /// The text in the characters of the theme.
+    pub fn plain(&self, text: &str) -> String {
+        if self.borders == Borders::Unicode {
+            return text.to_owned();
+        }
+        let glyphs = [("→", Glyph::Arrow), ("±", Glyph::PlusMinus), ("·", Glyph::Dot)];
+        let text =
+            glyphs.iter().fold(text.to_owned(), |text, (from, to)| text.replace(from, self.glyph(*to)));
+        text.replace('–', "-").replace('×', "x")
+    }
+
     /// The characters of a pane's border.
     pub fn border_set(&self) -> border::Set<'static> {
         match self.borders {

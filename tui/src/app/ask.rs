@@ -2,7 +2,7 @@
 
 use cobscope_decoder::query::Filter;
 
-use super::{App, Asking, Mode};
+use super::application::{App, Asking, Mode};
 use crate::select::Bound;
 use crate::state::{Place, Sought, pattern};
 use crate::timeline::{Export, Matcher};

@@ -1,6 +1,6 @@
 //! To the next finding, the next error.
 
-use super::App;
+use super::application::App;
 use crate::state::Place;
 
 impl App {

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use cobscope_decoder::query::Filter;
 use ratatui::layout::Rect;
 
-use super::{App, Mode};
+use super::application::{App, Mode};
 use crate::panes::{PaneId, Panes};
 use crate::select::Bound;
 use crate::state::{Core, Place};

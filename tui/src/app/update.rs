@@ -3,21 +3,14 @@
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers, MouseButton, MouseEvent, MouseEventKind};
 use ratatui::layout::Position;
 
-use super::{App, Asking, Mode, view};
+use super::application::{App, Asking, Mode};
+use super::output::Output;
+use super::view;
 use crate::action::Action;
 use crate::keymap;
 use crate::panes::{Effect, PaneId};
 use crate::theme::{Depth, Palette};
 use crate::timeline::Matcher;
-
-/// What the terminal is to do.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Output {
-    /// Leave.
-    Quit,
-    /// Put a text on the clipboard.
-    Copy(String),
-}
 
 /// Keys kept until there is something they can mean.
 const MOST_EARLY: usize = 64;
@@ -222,7 +215,9 @@ impl App {
             }
             match effect {
                 Effect::Go(place) => self.core.go(place),
-                Effect::Show(pane) => self.show(pane),
+                Effect::ShowEvents => self.show(PaneId::Events),
+                Effect::ShowDetail => self.show(PaneId::Detail),
+                Effect::ShowSignals => self.show(PaneId::Signals),
                 Effect::Filter(text) => self.filter(&text),
                 Effect::Node(node) => self.core.node = Some(node),
                 Effect::Plot(_) => is_plotted = true,

@@ -15,7 +15,8 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
-use super::{App, Mode, header};
+use super::application::{App, Mode};
+use super::header;
 use crate::keymap::{self, Group};
 use crate::panes::PaneId;
 use crate::theme::Role;

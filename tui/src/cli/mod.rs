@@ -6,13 +6,19 @@ mod decode;
 mod input;
 mod live;
 mod notes;
+mod objects;
+mod profiles;
+mod report;
+mod rules;
 mod size;
+mod stats;
 mod view;
+mod why;
 
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Parser, Subcommand};
 
 pub use check::{CheckArgs, FailOn, FindingFormat};
 pub use convert::ConvertArgs;
@@ -20,9 +26,13 @@ pub use decode::{DecodeArgs, Format, Packing, Pdo, PrintArgs, TimeColumn};
 pub use input::{FileArg, InputArgs, NodeArg, Protocol, SelectArgs, StampStyle};
 use input::{Otherwise, filter_help};
 pub use live::LiveArgs;
+pub use objects::ObjectsArgs;
+pub use profiles::{PageFormat, ProfilesCommand};
+pub use report::{Color, ReportFormat};
+pub use rules::{RulesArgs, RulesFormat};
+pub use stats::StatsArgs;
 pub use view::{ScreenArgs, ThemeName, ViewArgs};
-
-use crate::select::Bound;
+pub use why::WhyArgs;
 
 /// Read CAN buses: what did the CANopen, J1939 and UDS devices do?
 ///
@@ -147,163 +157,6 @@ pub enum Command {
         #[arg(value_name = "COMMAND")]
         of: Option<String>,
     },
-}
-
-/// `cobscope profiles`.
-#[derive(Debug, Subcommand)]
-pub enum ProfilesCommand {
-    /// List all devices and their variants
-    List,
-    /// Show what is known of a device
-    Show {
-        /// Profile, with its variant if you like: rexroth-sydfec, wandfluh-md2:controller
-        profile: String,
-        /// Only count what is described
-        #[arg(long)]
-        count: bool,
-        /// Output format
-        #[arg(short, long, value_name = "FORMAT", default_value = "text")]
-        format: PageFormat,
-    },
-    /// Check profiles: their grammar, ranges, references, samples; of device files what cannot be read
-    Check {
-        /// Profiles (TOML) and device files (EDS, DCF, XDD, XDC)
-        #[arg(required = true, value_name = "FILE")]
-        files: Vec<PathBuf>,
-    },
-    /// Write the profile that a device file makes to stdout
-    Import {
-        /// EDS, DCF, XDD or XDC
-        file: PathBuf,
-    },
-}
-
-/// Formats of a device's page.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum PageFormat {
-    /// Everything, folded for a terminal
-    Text,
-    /// Tables for a document: all but the objects
-    Markdown,
-}
-
-/// `cobscope stats`.
-#[derive(Debug, Args)]
-pub struct StatsArgs {
-    #[command(flatten)]
-    pub input: InputArgs,
-    /// Bit rate for the load in %: 250k, 1M or 250000, of one bus or all (repeatable)
-    #[arg(long, value_name = "[BUS:]RATE")]
-    pub bitrate: Vec<BitRate>,
-    /// Count only from WHEN on: 12.5 (seconds from the first frame), #1234 (frame), a date and time
-    #[arg(long, value_name = "WHEN")]
-    pub from: Option<Bound>,
-    /// Count only up to WHEN, given as with --from; nodes and their states stay those of the whole capture
-    #[arg(long, value_name = "WHEN")]
-    pub to: Option<Bound>,
-    /// Output format
-    #[arg(short, long, value_name = "FORMAT", default_value = "text")]
-    pub format: ReportFormat,
-}
-
-/// A bit rate, of one bus or all.
-#[derive(Debug, Clone)]
-pub struct BitRate {
-    /// Name of the bus.
-    pub bus: Option<String>,
-    /// Bits a second.
-    pub rate: u32,
-}
-
-impl std::str::FromStr for BitRate {
-    type Err = &'static str;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let (bus, rate) = match text.rsplit_once(':') {
-            Some((bus, rate)) => (Some(bus.to_owned()), rate),
-            None => (None, text),
-        };
-        let (digits, factor) = match rate.strip_suffix(['k', 'K']) {
-            Some(digits) => (digits, 1_000),
-            None => rate.strip_suffix('M').map_or((rate, 1), |digits| (digits, 1_000_000)),
-        };
-        let rate = digits.parse::<u32>().ok().and_then(|rate| rate.checked_mul(factor));
-        match rate {
-            Some(rate @ 1_000..=20_000_000) => Ok(Self { bus, rate }),
-            _ => Err("expected a bit rate, as 250k, 1M or can0:500k"),
-        }
-    }
-}
-
-/// `cobscope objects`.
-#[derive(Debug, Args)]
-pub struct ObjectsArgs {
-    #[command(flatten)]
-    pub input: InputArgs,
-    /// Show them as they were then: 12.5 (seconds from the first frame), #1234 (frame), or a date and time
-    #[arg(long, value_name = "TIME")]
-    pub at: Option<Bound>,
-    /// Compare them with what a DCF or XDC wants of --node, else of the node of that file
-    #[arg(long, value_name = "FILE")]
-    pub want: Option<PathBuf>,
-    /// Output format
-    #[arg(short, long, value_name = "FORMAT", default_value = "text")]
-    pub format: ReportFormat,
-}
-
-/// `cobscope why`.
-#[derive(Debug, Args)]
-pub struct WhyArgs {
-    #[command(flatten)]
-    pub input: InputArgs,
-    /// Look from this moment back, for the latest fault: 12.5 (seconds from the first frame), #1234 (frame), or a date and time
-    #[arg(long, value_name = "TIME")]
-    pub at: Option<Bound>,
-    /// Output format
-    #[arg(short, long, value_name = "FORMAT", default_value = "text")]
-    pub format: ReportFormat,
-}
-
-/// `cobscope rules`.
-#[derive(Debug, Args)]
-pub struct RulesArgs {
-    /// Output format
-    #[arg(short, long, value_name = "FORMAT", default_value = "text")]
-    pub format: RulesFormat,
-    /// Folder with profiles of your own, whose rules are listed too (repeatable)
-    #[arg(long, value_name = "DIR")]
-    pub profiles: Vec<PathBuf>,
-}
-
-/// Formats of the list of rules.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum RulesFormat {
-    /// A table
-    Text,
-    /// One JSON array, with everything known of each rule
-    Json,
-    /// The same for a document
-    Markdown,
-}
-
-/// Formats of reports.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum ReportFormat {
-    /// Tables for people
-    Text,
-    /// One JSON object a line
-    Json,
-}
-
-/// When to use colours.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Color {
-    /// On a terminal, unless NO_COLOR is set
-    Auto,
-    /// Always
-    Always,
-    /// Never
-    Never,
 }
 
 impl Command {

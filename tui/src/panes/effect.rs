@@ -1,6 +1,5 @@
 //! Requests of a pane to the application.
 
-use super::PaneId;
 use crate::state::{NodeKey, Place};
 use crate::timeline::SignalKey;
 
@@ -9,8 +8,12 @@ use crate::timeline::SignalKey;
 pub enum Effect {
     /// Move the cursor in time.
     Go(Place),
-    /// Show a pane.
-    Show(PaneId),
+    /// Show the pane of events.
+    ShowEvents,
+    /// Show the pane with all of the event at the cursor.
+    ShowDetail,
+    /// Show the pane of signals.
+    ShowSignals,
     /// Filter events.
     Filter(String),
     /// Make a node the one that panes tell of.

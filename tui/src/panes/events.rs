@@ -14,7 +14,7 @@ use ratatui::layout::Rect;
 use ratatui::style::Style;
 
 use super::detail::Detail;
-use super::{Effect, Pane, PaneId};
+use super::{Effect, Pane};
 use crate::action::Action;
 use crate::state::{Core, Place};
 use crate::theme::{Glyph, Role, role_of};
@@ -194,11 +194,11 @@ impl Pane for Events {
             Action::Plot => super::signals::plot(core),
             // What is still on its way is told there when it comes.
             Action::Open => core.row().map_or_else(
-                || vec![Effect::Show(PaneId::Detail)],
+                || vec![Effect::ShowDetail],
                 |row| {
                     let node = row.event.node.map(|node| Effect::Node((row.event.bus, node)));
                     let go = Some(Effect::Go(Place::Spot(row.spot))).filter(|_| core.cursor < row.spot);
-                    node.into_iter().chain(go).chain([Effect::Show(PaneId::Detail)]).collect()
+                    node.into_iter().chain(go).chain([Effect::ShowDetail]).collect()
                 },
             ),
             _ => Vec::new(),

@@ -26,7 +26,7 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
 use super::common::{has_buses, move_in};
-use super::{Effect, Pane, PaneId};
+use super::{Effect, Pane};
 use crate::action::Action;
 use crate::figures::{millis, seconds};
 use crate::state::Core;
@@ -337,8 +337,7 @@ impl Pane for Frames {
                 let Some(bus) = world.buses().get(usize::from(row.bus.0)) else { return Vec::new() };
                 let node = row.node.map(|node| Effect::Node((row.bus, node)));
                 let said = format!("events of {}; v shows repetitions too", row.id);
-                let rest =
-                    [Effect::Filter(filter(core, bus, row)), Effect::Say(said), Effect::Show(PaneId::Events)];
+                let rest = [Effect::Filter(filter(core, bus, row)), Effect::Say(said), Effect::ShowEvents];
                 return node.into_iter().chain(rest).collect();
             }
             _ => {}

@@ -18,7 +18,7 @@ use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
 use super::common::{bus_name, divider, has_buses, move_in, node_filter, time};
-use super::{Effect, Pane, PaneId};
+use super::{Effect, Pane};
 use crate::action::Action;
 use crate::figures::millis;
 use crate::state::{Core, Place};
@@ -292,7 +292,7 @@ impl Pane for Transfers {
                 drop(survey);
                 let Some((spot, bus, node)) = place else { return Vec::new() };
                 let node = node.map(|node| Effect::Node((bus, node)));
-                let rest = [Effect::Go(Place::Spot(spot)), Effect::Show(PaneId::Detail)];
+                let rest = [Effect::Go(Place::Spot(spot)), Effect::ShowDetail];
                 return node.into_iter().chain(rest).collect();
             }
             _ => {}

@@ -1,6 +1,6 @@
 //! The baseline of a run: compared with, or written anew.
 
-use std::io::{ErrorKind, Write as _};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow};
@@ -9,8 +9,8 @@ use cobscope_decoder::sink::findings::Report;
 use cobscope_decoder::sink::findings::baseline::Baseline;
 use cobscope_decoder::words::plural;
 
-use super::Refusal;
 use crate::cli::CheckArgs;
+use crate::cmd::messages::{Refusal, note};
 use crate::exit_code::Exit;
 
 /// What is done with the file of `--baseline`.
@@ -53,7 +53,7 @@ impl<'a> Known<'a> {
                     |capture: &String| paths.iter().any(|path| Path::new(capture).starts_with(path));
                 report.absent.retain(is_part);
             }
-            Self::Replaced { path, .. } if exit == Exit::Capture => say(&format!(
+            Self::Replaced { path, .. } if exit == Exit::Capture => note(&format!(
                 "{}: is left as it is: a capture could not be read, and what it holds would be forgotten",
                 path.display()
             )),
@@ -97,14 +97,10 @@ fn replace(path: &Path, before: &Baseline, report: &mut Report) -> anyhow::Resul
     report.absent.clear();
     if others.kept > 0 {
         let captures = plural(others.kept, "capture");
-        say(&format!("{name}: keeps what it has of {captures} that were not judged"));
+        note(&format!("{name}: keeps what it has of {captures} that were not judged"));
     }
     for capture in others.dropped {
-        say(&format!("{name}: drops {capture}, which is not there any more"));
+        note(&format!("{name}: drops {capture}, which is not there any more"));
     }
     Ok(())
-}
-
-fn say(text: &str) {
-    let _ = writeln!(std::io::stderr(), "cobscope: {}", escape(text));
 }

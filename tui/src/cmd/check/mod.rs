@@ -14,7 +14,7 @@ use cobscope_decoder::sink::findings::text::{self, TextOptions};
 use cobscope_decoder::sink::findings::{Report, github, jsonl, junit, sarif};
 
 use super::input::{catalogue, common_catalogue, options_of, setup};
-use super::messages::complain;
+use super::messages::{Refusal, complain};
 use super::output::is_colored;
 use super::output::{ensure_not_read, files_read, output, told};
 use crate::cli::{CheckArgs, FindingFormat};
@@ -32,9 +32,6 @@ pub fn run(arguments: &CheckArgs) -> Exit {
         }
     }
 }
-
-/// An error with the exit status it brings.
-type Refusal = (Exit, anyhow::Error);
 
 fn checked(arguments: &CheckArgs) -> Result<Exit, Refusal> {
     let (options, setup) = ready(arguments).map_err(|error| (Exit::Profile, error))?;

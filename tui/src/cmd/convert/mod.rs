@@ -11,7 +11,7 @@ mod output;
 mod said;
 
 use std::collections::BTreeSet;
-use std::io::{ErrorKind, Write as _};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail, ensure};
@@ -22,7 +22,7 @@ use cobscope_decoder::sink::escape;
 
 use super::input::session_options;
 use super::input::unknown_buses;
-use super::messages::complain;
+use super::messages::{complain, note};
 use crate::cli::ConvertArgs;
 use crate::exit_code::Exit;
 use crate::record::format;
@@ -171,7 +171,7 @@ impl Conversion<'_> {
         self.assumed.tell(input.names());
         if self.unreadable > NAMED {
             let captures = called(input.names(), &self.unreadable_in);
-            say(&format!("{captures}: {} could not be read", unreadable(self.unreadable)));
+            note(&format!("{captures}: {} could not be read", unreadable(self.unreadable)));
         }
         if !has_frames {
             let holds = if input.names().len() > 1 { "hold" } else { "holds" };
@@ -179,7 +179,7 @@ impl Conversion<'_> {
             self.exit = Exit::Capture;
         }
         match self.output.finish(input.buses(), has_frames) {
-            Ok(said) => said.iter().for_each(|text| say(text)),
+            Ok(said) => said.iter().for_each(|text| note(text)),
             Err(error) => return end(&error),
         }
         self.exit
@@ -195,7 +195,7 @@ impl Conversion<'_> {
         let chosen = self.arguments.only_node.iter().filter_map(|node| node.bus.as_deref());
         let chosen = chosen.filter_map(|bus| unknown_bus(&name, bus, "--only-node", &names));
         let known = unknown_buses(Path::new(&name), &self.arguments.input, &self.options, input.buses());
-        known.into_iter().chain(chosen).for_each(|said| say(&said));
+        known.into_iter().chain(chosen).for_each(|said| note(&said));
     }
 
     fn take(&mut self, input: &Input) -> anyhow::Result<()> {
@@ -234,14 +234,14 @@ impl Conversion<'_> {
                 self.unreadable += 1;
                 self.unreadable_in.insert(capture);
                 if self.unreadable <= NAMED {
-                    say(&format!("{name}: {notice}"));
+                    note(&format!("{name}: {notice}"));
                 }
                 Ok(())
             }
             Notice::CutOff { .. } => {
                 // Who wants no more of it does not ask how it ends.
                 if !self.choice.is_over() {
-                    say(&format!("{name}: {notice}"));
+                    note(&format!("{name}: {notice}"));
                     self.exit = Exit::Capture;
                 }
                 Ok(())
@@ -250,7 +250,7 @@ impl Conversion<'_> {
                 if input.names().len() > 1 {
                     self.assumed.add(text, capture);
                 } else {
-                    say(&format!("{name}: {text}"));
+                    note(&format!("{name}: {text}"));
                 }
                 Ok(())
             }
@@ -274,9 +274,4 @@ fn end(error: &anyhow::Error) -> Exit {
         return Exit::Clean;
     }
     refuse(error, Exit::Capture)
-}
-
-/// Standard output may be the capture.
-fn say(text: &str) {
-    let _ = writeln!(std::io::stderr(), "cobscope: {}", escape(text));
 }

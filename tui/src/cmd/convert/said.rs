@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::say;
+use crate::cmd::messages::note;
 
 /// Texts with the captures they are true of, in the order in which they came.
 #[derive(Default)]
@@ -20,7 +20,7 @@ impl Said {
     /// Says all of it.
     pub(super) fn tell(&self, names: &[String]) {
         for (text, of) in &self.0 {
-            say(&format!("{}: {text}", called(names, of)));
+            note(&format!("{}: {text}", called(names, of)));
         }
     }
 }

@@ -1,7 +1,6 @@
 //! Live buses as lines, and judged.
 
 use std::collections::BTreeSet;
-use std::io::Write as _;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
@@ -15,15 +14,15 @@ use cobscope_decoder::finding::Severity;
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::rules::{Engine, Judge, Setup};
 use cobscope_decoder::session::{Bus, Buses, Observer};
-use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::findings::text::{self, TextOptions};
 use cobscope_decoder::sink::findings::{Judged, Report, jsonl};
 use cobscope_decoder::words::plural;
 
 use super::pump::{Came, Pump};
-use super::{Refusal, is_down, open, recorder, shown};
+use super::sources::{is_down, open, recorder, shown};
 use crate::cli::{Format, LiveArgs};
 use crate::cmd::input::{check_rules_of, session_options, setup};
+use crate::cmd::messages::{Refusal, note};
 use crate::cmd::output::{files_read, is_colored, print, told};
 use crate::cmd::print::Printer;
 use crate::exit_code::Exit;
@@ -75,11 +74,11 @@ pub(super) fn watch(
     watch.tell_troubles(&live);
     let exit = watch.finish(arguments, &live);
     for bus in &live.buses {
-        say(&format!("{}; {} lost", shown(bus), plural(bus.lost, "frame")));
+        note(&format!("{}; {} lost", shown(bus), plural(bus.lost, "frame")));
     }
     if let Some(outcome) = &outcome {
-        say(&format!("recorded {outcome}"));
-        outcome.remarks().iter().for_each(|remark| say(remark));
+        note(&format!("recorded {outcome}"));
+        outcome.remarks().iter().for_each(|remark| note(remark));
     }
     if live.failure.is_some() {
         return Ok(exit.max(Exit::Capture));
@@ -91,18 +90,14 @@ pub(super) fn watch(
 fn greet(live: &Live) {
     for bus in &live.buses {
         if is_down(bus) {
-            say(&socketcan::how_to_bring_up(&bus.name, bus.bit_rate));
+            note(&socketcan::how_to_bring_up(&bus.name, bus.bit_rate));
         } else {
-            say(&format!("{}; listening only, nothing is transmitted", shown(bus)));
+            note(&format!("{}; listening only, nothing is transmitted", shown(bus)));
         }
     }
     if let Some(record) = &live.record {
-        say(&format!("recording to {}", record.path.display()));
+        note(&format!("recording to {}", record.path.display()));
     }
-}
-
-fn say(text: &str) {
-    let _ = writeln!(std::io::stderr(), "cobscope: {}", escape(text));
 }
 
 /// Becomes true when the program is told to end, by Ctrl-C or otherwise.
@@ -172,7 +167,7 @@ impl Watch {
         });
         for text in failure.into_iter().chain(live.failure.clone()).chain(controllers) {
             if !self.said.contains(&text) {
-                say(&text);
+                note(&text);
                 self.said.insert(text);
             }
         }
@@ -306,7 +301,7 @@ impl Observer for Out<'_> {
         }
         if let Some(change) = bit_rate_change(event) {
             let name = bus.name();
-            say(&format!(
+            note(&format!(
                 "{name}: {change}: give it the new bit rate here too (ip link set {name} down; ip link set {name} up type \
                  can bitrate RATE), a serial adapter by its @RATE"
             ));

@@ -10,10 +10,11 @@ use cobscope_decoder::capture::{FrameWriter, WRITABLE, WriteOptions};
 use cobscope_decoder::frame::BusIndex;
 
 use super::pump::{Came, Pump};
-use super::{Refusal, open, recorder};
+use super::sources::{open, recorder};
 use crate::app::{App, Start};
 use crate::cli::LiveArgs;
 use crate::cmd::input::{read_options, session_options, setup};
+use crate::cmd::messages::Refusal;
 use crate::cmd::view::{command, forward, theme};
 use crate::exit_code::Exit;
 use crate::source::live::{Arrival, SourceSpec};

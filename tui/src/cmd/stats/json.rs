@@ -6,7 +6,8 @@ use cobscope_decoder::statistics::{BusStatistics, CodeCounts, Distribution, Inte
 use cobscope_decoder::wire::NodeId;
 use serde_json::{Value, json};
 
-use super::{Report, j1939};
+use super::j1939;
+use super::report::Report;
 
 /// Writes the report of one capture.
 pub fn write(report: &Report<'_>, output: &mut String) {

@@ -2,10 +2,10 @@
 
 mod j1939;
 mod json;
+mod report;
 mod text;
 
 use cobscope_decoder::capture::BusNames;
-use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::session::{Bus, Observer};
@@ -17,25 +17,7 @@ use crate::cli::{ReportFormat, StatsArgs};
 use crate::exit_code::Exit;
 use crate::select::{Selection, ensure_order};
 use crate::words::unknown_bus;
-
-/// Figures of one capture and the decoder behind its last frame.
-struct Report<'a> {
-    capture: String,
-    format: &'static str,
-    statistics: Statistics,
-    decoder: Decoder,
-    arguments: &'a StatsArgs,
-}
-
-impl Report<'_> {
-    /// Bit rate of a bus, if the user gave it: on the command line, else in the bus file.
-    fn bit_rate(&self, bus: &Bus) -> Option<u32> {
-        let rates = &self.arguments.bitrate;
-        let own = rates.iter().find(|rate| rate.bus.as_deref() == Some(bus.name()));
-        let given = own.or_else(|| rates.iter().find(|rate| rate.bus.is_none()));
-        given.map(|rate| rate.rate).or_else(|| bus.bit_rate())
-    }
-}
+use report::Report;
 
 /// Runs the command.
 pub fn run(arguments: &StatsArgs) -> Exit {

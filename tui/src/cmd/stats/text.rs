@@ -10,7 +10,8 @@ use cobscope_decoder::sink::table::{Align, Table};
 use cobscope_decoder::statistics::{BusStatistics, Distribution, Intervals, NodeStatistics, dtc_of_key};
 use cobscope_decoder::words::plural;
 
-use super::{Report, j1939};
+use super::j1939;
+use super::report::Report;
 use crate::figures::{millis, seconds};
 use crate::words::{commands, error_frames, faults, period, protocols, rates, since, stamps};
 

@@ -23,7 +23,7 @@ use ratatui::text::{Line, Span};
 
 use self::axis::{Axis, Content, MOST_ZOOM, further};
 use super::common::{bus_name, last_world};
-use super::{Effect, Pane, PaneId};
+use super::{Effect, Pane};
 use crate::action::Action;
 use crate::figures::{bits, millis, seconds};
 use crate::state::{Core, Place};
@@ -292,7 +292,7 @@ impl Pane for BusPane {
             Action::Top => return vec![Effect::Go(Place::Start)],
             Action::Bottom => return vec![Effect::Go(Place::End)],
             Action::ZoomIn | Action::ZoomOut => return self.zoom(core, action == Action::ZoomIn),
-            Action::Open => return vec![Effect::Show(PaneId::Events)],
+            Action::Open => return vec![Effect::ShowEvents],
             Action::Down if buses > 1 => self.bus = (self.bus + 1).min(buses - 1),
             Action::Up if buses > 1 => self.bus = self.bus.saturating_sub(1),
             Action::Down | Action::PageDown => self.scroll = (self.scroll + 1).min(self.last_scroll(core)),

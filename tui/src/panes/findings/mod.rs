@@ -27,7 +27,7 @@ use ratatui::style::Style;
 use self::chosen::{Chosen, Filtered};
 use self::rows::{Facts, Item, facts, group, items};
 use super::common::{ahead, bus_name, divider, has_buses, move_in, node_filter, severity_role, time};
-use super::{Effect, Pane, PaneId};
+use super::{Effect, Pane};
 use crate::action::Action;
 use crate::state::{Core, Place};
 use crate::theme::Role;
@@ -188,7 +188,7 @@ impl Findings {
         let rest = [
             Effect::Go(Place::Frame(facts.frame)),
             Effect::Say(core.finding_text(item.id)),
-            Effect::Show(PaneId::Detail),
+            Effect::ShowDetail,
         ];
         node.into_iter().chain(rest).collect()
     }

@@ -28,7 +28,7 @@ pub fn of_node(core: &Core, subject: &Subject<'_>, channel: Option<u8>) -> Vec<T
     lines.extend(start(core, subject).map(|text| (text, Role::Text)));
     lines.extend(identifiers(subject).map(|text| (text, Role::Quiet)));
     let styled = |(text, role): (String, Role)| {
-        let text = super::plain(&core.theme, &escape(&text));
+        let text = core.theme.plain(&escape(&text));
         Text::from(Span::styled(text, core.theme.style(role)))
     };
     lines.into_iter().map(styled).collect()
@@ -46,7 +46,7 @@ pub fn of_other(core: &Core, key: Key) -> Vec<Text<'static>> {
         Key::Bus(_) | Key::Node(..) => None,
     };
     let texts = texts.unwrap_or_default().into_iter();
-    texts.map(|text| Text::styled(super::plain(&core.theme, &text), core.theme.style(Role::Text))).collect()
+    texts.map(|text| Text::styled(core.theme.plain(&text), core.theme.style(Role::Text))).collect()
 }
 
 fn row_of<'a>(world: &'a World, bus: &Bus, id: CanId) -> Option<&'a IdentifierRow> {

@@ -28,6 +28,14 @@ impl Key {
             _ => None,
         }
     }
+
+    /// The output of its node, where that has several.
+    pub fn channel(self) -> Option<u8> {
+        match self {
+            Self::Node(_, _, channel) => channel,
+            _ => None,
+        }
+    }
 }
 
 /// How bad it is, the worst first.

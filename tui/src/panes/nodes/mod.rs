@@ -32,10 +32,10 @@ use self::line::{Key, Line, Shown};
 use self::node::Subject;
 use self::order::{EFFECT, Order, VALUES, columns};
 use self::wishes::{filter_of, signals, subject, to_events};
-use super::{Effect, Pane, PaneId};
+use super::{Effect, Pane};
 use crate::action::Action;
 use crate::state::Core;
-use crate::theme::{Borders, Glyph, Role, Theme};
+use crate::theme::{Glyph, Role};
 use crate::widgets::draw;
 use crate::widgets::table::{Cell, Column, Row, Table, TableState};
 use crate::widgets::text_lines::TextLines;
@@ -147,7 +147,7 @@ impl Nodes {
         }
         let names: Vec<_> = signals.iter().map(|signal| signal.name.clone()).collect();
         let said = Effect::Say(format!("on the plot: {}", names.join(", ")));
-        let shown = Effect::Show(PaneId::Signals);
+        let shown = Effect::ShowSignals;
         signals.into_iter().map(Effect::Plot).chain([shown, said]).collect()
     }
 
@@ -177,7 +177,7 @@ impl Nodes {
         let below = Rect { y: area.y + 1, height: area.height.saturating_sub(1), ..area };
         let Some(line) = line else { return };
         let lines = match line.key.node().and_then(|node| subject(core, node)) {
-            Some(subject) => detail::of_node(core, &subject, channel_of(line.key)),
+            Some(subject) => detail::of_node(core, &subject, line.key.channel()),
             None => detail::of_other(core, line.key),
         };
         TextLines::new(theme, &lines).render(below, buf);
@@ -185,17 +185,17 @@ impl Nodes {
 
     fn row(core: &Core, line: &Line, room: u16) -> Row<'static> {
         let theme = &core.theme;
-        let cell = |shown: &Shown| Cell::new(plain(theme, &shown.text), theme.style(shown.role));
+        let cell = |shown: &Shown| Cell::new(theme.plain(&shown.text), theme.style(shown.role));
         if let Key::Bus(_) = line.key {
             let title = Cell::new(line.name.clone(), theme.style(Role::Title));
             return Row::new([Cell::default(), title]);
         }
         let quiet = theme.style(Role::Quiet);
-        let values = plain(theme, &line.values.fit(room, theme.glyph(Glyph::Arrow)));
+        let values = theme.plain(&line.values.fit(room, theme.glyph(Glyph::Arrow)));
         let is_remark = line.values.pairs.is_empty() && line.key.node().is_none();
         let style = if is_remark { quiet } else { Style::new() };
         Row::new([
-            plain(theme, &line.id).into(),
+            theme.plain(&line.id).into(),
             line.name.clone().into(),
             Cell::new(line.device.clone(), if line.key.node().is_none() { quiet } else { Style::new() }),
             cell(&line.nmt),
@@ -214,7 +214,7 @@ impl Pane for Nodes {
         let (table, below) = split(area, lines.len());
         let mut columns = columns(area.width);
         for column in &mut columns {
-            column.title = plain(&core.theme, &column.title).into();
+            column.title = core.theme.plain(&column.title).into();
         }
         let scrolls = u16::from(lines.len() > Table::height(table));
         let room = room(&columns, table.width - scrolls.min(table.width));
@@ -236,7 +236,7 @@ impl Pane for Nodes {
         if let Some((scroll, line)) = chosen
             && let Some(subject) = line.key.node().and_then(|node| subject(core, node))
         {
-            gates::draw(core, &subject, channel_of(line.key), scroll, area, buf);
+            gates::draw(core, &subject, line.key.channel(), scroll, area, buf);
         }
     }
 
@@ -351,23 +351,6 @@ fn is_there(world: &World, node: &Node) -> bool {
 fn first(lines: &[Line], text: impl Fn(&Line) -> &String) -> (bool, String) {
     let text = lines.first().map_or_else(String::new, |line| text(line).to_lowercase());
     (text.is_empty(), text)
-}
-
-/// The text in the characters of the theme.
-fn plain(theme: &Theme, text: &str) -> String {
-    if theme.borders() == Borders::Unicode {
-        return text.to_owned();
-    }
-    let glyphs = [("→", Glyph::Arrow), ("±", Glyph::PlusMinus), ("·", Glyph::Dot)];
-    let text = glyphs.iter().fold(text.to_owned(), |text, (from, to)| text.replace(from, theme.glyph(*to)));
-    text.replace('–', "-").replace('×', "x")
-}
-
-fn channel_of(key: Key) -> Option<u8> {
-    match key {
-        Key::Node(_, _, channel) => channel,
-        _ => None,
-    }
 }
 
 /// The table, and what is below it where there is room: all that rows leave.

@@ -7,8 +7,8 @@ use cobscope_decoder::wire::NodeId;
 
 use super::line::Key;
 use super::node::Subject;
-use super::{channel_of, values};
-use crate::panes::{Effect, PaneId};
+use super::values;
+use crate::panes::Effect;
 use crate::state::{Core, NodeKey};
 use crate::timeline::SignalKey;
 
@@ -34,7 +34,7 @@ pub(super) fn filter_of(core: &Core, (index, id): NodeKey) -> String {
 /// To the events of something; a filter the user has set stays.
 pub(super) fn to_events(core: &Core, node: Option<NodeKey>, filter: String) -> Vec<Effect> {
     let mut effects: Vec<Effect> = node.map(Effect::Node).into_iter().collect();
-    effects.push(Effect::Show(PaneId::Events));
+    effects.push(Effect::ShowEvents);
     if core.filter.is_empty() {
         effects.push(Effect::Say(format!("filter {filter}; c shows all events again")));
         effects.push(Effect::Filter(filter));
@@ -52,7 +52,7 @@ pub(super) fn signals(core: &Core, key: Key) -> Vec<SignalKey> {
             let Some(layout) = &row.layout else { continue };
             let meaning = layout.fields.get(place).and_then(|field| field.meaning.as_deref());
             let Some(meaning) = meaning else { continue };
-            if channel_of(key).is_some() && meaning.channel.is_some() && meaning.channel != channel_of(key) {
+            if key.channel().is_some() && meaning.channel.is_some() && meaning.channel != key.channel() {
                 continue;
             }
             signals.extend(SignalKey::new(row.bus, row.id, layout, place));

@@ -11,7 +11,7 @@
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 
-use super::Plot;
+use super::content::Plot;
 use super::scale::{Scale, seconds, time_decimals, time_step};
 use crate::theme::{Borders, Glyph, Role};
 use crate::widgets::draw;

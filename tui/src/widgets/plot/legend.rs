@@ -11,8 +11,10 @@ use ratatui::style::Style;
 use ratatui::text::Line;
 
 use super::canvas::mark;
+use super::content::Plot;
 use super::scale::{decimals, number};
-use super::{Plot, Window, trace};
+use super::trace;
+use super::window::Window;
 use crate::bucket::Bucket;
 use crate::theme::{Borders, Glyph, Role};
 use crate::widgets::draw::{self, Align};
@@ -133,7 +135,7 @@ fn columns(plot: &Plot<'_>) -> Vec<Values> {
     let mut columns: Vec<_> = heads.into_iter().map(|head| Values { head, cells: Vec::new() }).collect();
     for series in plot.series {
         let at = |time| value_at(series.points, time, &plot.window);
-        let extremes = plot.extremes(series.points);
+        let extremes = trace::extremes(series.points, &plot.window);
         let mut values = Vec::new();
         values.extend(a.map(at));
         values.extend(b.map(at));
@@ -157,14 +159,4 @@ fn value_at(points: &[Bucket], time: i64, window: &Window) -> Option<f64> {
     let behind = points.partition_point(|bucket| bucket.t <= time);
     let bucket = points.get(behind.checked_sub(1)?)?;
     (time <= window.until && !window.is_gap(bucket.t, time)).then_some(bucket.last)
-}
-
-/// The lowest and the highest number of the buckets in a window itself.
-pub fn extremes(points: &[Bucket], window: &Window) -> Option<(f64, f64)> {
-    let inside = trace::in_window(points, window).iter().filter(|bucket| window.contains(bucket.t));
-    let bounds = inside.filter_map(Bucket::bounds).flat_map(|(low, high)| [low, high]);
-    bounds.filter(|value| value.is_finite()).fold(None, |found, value| match found {
-        None => Some((value, value)),
-        Some((low, high)) => Some((low.min(value), high.max(value))),
-    })
 }

@@ -1,6 +1,7 @@
 //! Whole plots as they are seen.
 
 use super::*;
+use crate::bucket::Bucket;
 use crate::widgets::draw::tests::{in_every_small_size, plain, shown};
 
 const MILLISECOND: i64 = 1_000_000;

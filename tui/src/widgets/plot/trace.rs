@@ -6,9 +6,9 @@
 //!                ─    nothing for longer than the gap ▸ the line ends
 //! ```
 
-use super::Window;
 use super::canvas::{Canvas, Ink};
 use super::scale::Scale;
+use super::window::Window;
 use crate::bucket::Bucket;
 
 /// The dots of one column, as far as they are known.
@@ -29,6 +29,16 @@ pub fn in_window<'a>(points: &'a [Bucket], window: &Window) -> &'a [Bucket] {
     let start = points.partition_point(|bucket| bucket.t < window.from).saturating_sub(1);
     let end = points.partition_point(|bucket| bucket.t <= window.to).saturating_add(1);
     points.get(start..end.min(points.len())).unwrap_or_default()
+}
+
+/// The lowest and the highest number of the buckets in a window itself.
+pub fn extremes(points: &[Bucket], window: &Window) -> Option<(f64, f64)> {
+    let inside = in_window(points, window).iter().filter(|bucket| window.contains(bucket.t));
+    let bounds = inside.filter_map(Bucket::bounds).flat_map(|(low, high)| [low, high]);
+    bounds.filter(|value| value.is_finite()).fold(None, |found, value| match found {
+        None => Some((value, value)),
+        Some((low, high)) => Some((low.min(value), high.max(value))),
+    })
 }
 
 /// Draws a series onto a canvas.

@@ -5,12 +5,57 @@
 //!  60 columns   No   Time      ID   What               (Node and Data had the lowest priority)
 //! ```
 
-use super::{Column, Width};
+use std::borrow::Cow;
+
+use crate::widgets::draw::Align;
 
 /// Between two columns.
 const SPACE: u16 = 1;
 /// Less than this a column that takes what is left is not worth having.
 const LEAST_FILL: u16 = 10;
+
+/// How wide a column is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Width {
+    /// Always so many.
+    Fixed(u16),
+    /// At least so many; more where there is room and no column that takes all of it.
+    Min(u16),
+    /// What is left, but at least ten; several share it.
+    Fill,
+}
+
+/// A column of a table.
+#[derive(Clone, Debug)]
+pub struct Column {
+    /// Stands above it.
+    pub title: Cow<'static, str>,
+    /// How wide it is.
+    pub width: Width,
+    /// On which side its text stands.
+    pub align: Align,
+    /// Where there is not room for all, the lowest goes first; of equal ones the rightmost.
+    pub priority: u8,
+}
+
+impl Column {
+    /// A column of text on the left that is the last to go.
+    pub fn new(title: impl Into<Cow<'static, str>>, width: Width) -> Self {
+        Self { title: title.into(), width, align: Align::Left, priority: u8::MAX }
+    }
+
+    /// Puts numbers on the right.
+    #[must_use]
+    pub fn right(self) -> Self {
+        Self { align: Align::Right, ..self }
+    }
+
+    /// Says when the column goes.
+    #[must_use]
+    pub fn priority(self, priority: u8) -> Self {
+        Self { priority, ..self }
+    }
+}
 
 /// What a column needs at least.
 fn least_of(width: Width) -> u16 {

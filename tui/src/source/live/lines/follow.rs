@@ -8,7 +8,7 @@ use std::time::Duration;
 use cobscope_decoder::capture::{CaptureError, ReadOptions};
 
 use super::super::Ended;
-use super::Outlet;
+use super::outlet::Outlet;
 
 /// How often a file is looked at that has no more.
 const LOOK: Duration = Duration::from_millis(50);
@@ -77,7 +77,7 @@ impl<'a> Growing<'a> {
             identity: identity(&metadata),
             file,
             position: 0,
-            is_over: std::sync::Arc::clone(&outlet.is_over),
+            is_over: outlet.flag(),
             is_within_line: false,
             begins_anew: None,
         })

@@ -4,6 +4,7 @@
 //! more will come. It is a few batches ahead at most.
 
 mod follow;
+mod outlet;
 #[cfg(test)]
 mod tests;
 
@@ -11,17 +12,15 @@ use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use cobscope_decoder::capture::{
-    BATCH_FRAMES, Batch, BusNames, CaptureError, Item, MAX_BUSES, Notice, Place, ReadOptions, Reader,
-};
-use cobscope_decoder::frame::{BusIndex, Frame, LinkState};
+use cobscope_decoder::capture::{BATCH_FRAMES, BusNames, CaptureError, Notice, ReadOptions};
+use cobscope_decoder::frame::LinkState;
 
-use super::gather::PACE;
 use super::{Arrival, Arrivals, BusStatus, Ended, Source, Stamps};
+use outlet::{Delivery, Outlet};
 
 /// How late frames may come: an ssh connection stalls, a writer collects lines.
 const LAG: Duration = Duration::from_secs(1);
@@ -52,12 +51,6 @@ pub fn follow(path: &Path, options: ReadOptions) -> anyhow::Result<Box<dyn Sourc
     Ok(Box::new(Lines::start(move |outlet| follow::follow(&path, &options, outlet))?))
 }
 
-/// What the thread hands over.
-enum Delivery {
-    Items(BusNames, Vec<Arrival>),
-    Ended(Ended),
-}
-
 /// The source.
 struct Lines {
     deliveries: Receiver<Delivery>,
@@ -82,11 +75,11 @@ impl Lines {
     fn start(work: impl FnOnce(&mut Outlet) -> Ended + Send + 'static) -> anyhow::Result<Self> {
         let (give, deliveries) = mpsc::sync_channel(AHEAD);
         let is_over = Arc::new(AtomicBool::new(false));
-        let mut outlet = Outlet { give, is_over: Arc::clone(&is_over), names: BusNames::default() };
+        let mut outlet = Outlet::new(give, Arc::clone(&is_over));
         let work = move || {
             let ended = work(&mut outlet);
             // Nobody listens any more: nobody wants to know.
-            let _ = outlet.give.send(Delivery::Ended(ended));
+            outlet.end(ended);
         };
         std::thread::Builder::new()
             .name("lines".into())
@@ -162,76 +155,4 @@ impl Drop for Lines {
     fn drop(&mut self) {
         self.is_over.store(true, Ordering::Relaxed);
     }
-}
-
-/// Where the thread puts what it reads.
-struct Outlet {
-    give: SyncSender<Delivery>,
-    is_over: Arc<AtomicBool>,
-    /// Buses of all that was read, in order of appearance.
-    names: BusNames,
-}
-
-impl Outlet {
-    fn is_over(&self) -> bool {
-        self.is_over.load(Ordering::Relaxed)
-    }
-
-    /// Hands over; `false` when nobody takes it any more.
-    fn give(&self, items: Vec<Arrival>) -> bool {
-        self.give.send(Delivery::Items(self.names.clone(), items)).is_ok()
-    }
-
-    /// Says something that belongs to no bus.
-    fn say(&self, text: String) -> bool {
-        self.give(vec![Arrival::Notice(Notice::Assumption(text))])
-    }
-
-    /// Reads a capture to its end, or until nobody listens any more.
-    fn pump(&mut self, source: impl Read, options: &ReadOptions) -> Result<(), CaptureError> {
-        let mut reader = Reader::open(source, options)?;
-        let mut batch = Batch::new();
-        let mut buses = Vec::new();
-        while reader.read(&mut batch)? {
-            let known = reader.buses().names();
-            for name in known.iter().skip(buses.len()) {
-                buses.push(self.names.index_of(name.as_bytes()));
-            }
-            let items = batch.items().map(|item| match item {
-                Item::Frame(frame) => renamed(frame, &buses),
-                Item::Notice(notice) => Arrival::Notice(on_bus(notice, &buses)),
-            });
-            if !self.give(items.collect()) {
-                break;
-            }
-            if batch.frames().len() < BATCH_FRAMES / 2 {
-                // It comes as it happens: what comes meanwhile gathers.
-                std::thread::sleep(PACE);
-            }
-        }
-        Ok(())
-    }
-}
-
-/// The bus of this source which is the capture's own `bus`; `None` where there are too many.
-fn bus_of(bus: BusIndex, buses: &[Option<BusIndex>]) -> Option<BusIndex> {
-    buses.get(usize::from(bus.0)).copied().flatten()
-}
-
-fn renamed(frame: &Frame, buses: &[Option<BusIndex>]) -> Arrival {
-    match bus_of(frame.bus, buses) {
-        Some(bus) => Arrival::Frame(Frame { bus, ..*frame }),
-        None => Arrival::Notice(Notice::Unreadable {
-            place: Place::Now,
-            reason: format!("more than {MAX_BUSES} interfaces"),
-        }),
-    }
-}
-
-fn on_bus(notice: &Notice, buses: &[Option<BusIndex>]) -> Notice {
-    let mut notice = notice.clone();
-    if let Notice::LostFrames { bus, .. } | Notice::Link { bus, .. } = &mut notice {
-        *bus = bus_of(*bus, buses).unwrap_or_default();
-    }
-    notice
 }

@@ -5,7 +5,7 @@ use std::io::Write as _;
 use std::path::PathBuf;
 
 use cobscope_decoder::capture::TimeStyle;
-use cobscope_decoder::frame::{CanId, Timestamp};
+use cobscope_decoder::frame::{BusIndex, CanId, Frame, Timestamp};
 
 use super::*;
 

@@ -4,7 +4,6 @@ mod datagrams;
 mod interface;
 mod stand_in;
 
-use std::os::fd::BorrowedFd;
 use std::time::{Duration, Instant};
 
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
@@ -95,12 +94,6 @@ impl Interfaces {
             .map(|((place, _), _)| *place)
             .collect()
     }
-}
-
-/// Waits until a socket can be read, at most `wait`.
-fn is_readable(socket: BorrowedFd<'_>, wait: Duration) -> bool {
-    let wait = PollTimeout::try_from(wait).unwrap_or(PollTimeout::MAX);
-    poll(&mut [PollFd::new(socket, PollFlags::POLLIN)], wait).is_ok_and(|count| count > 0)
 }
 
 impl Source for Interfaces {

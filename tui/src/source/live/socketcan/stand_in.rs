@@ -2,16 +2,16 @@
 //! are lost, and read exactly as frames are.
 
 use std::net::UdpSocket;
-use std::os::fd::{AsFd as _, AsRawFd as _};
+use std::os::fd::{AsFd as _, AsRawFd as _, BorrowedFd};
 use std::time::Duration;
 
 use cobscope_decoder::frame::LinkState;
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::sys::socket::{setsockopt, sockopt};
 
 use super::super::gather::PACE;
 use super::super::{Arrivals, BusStatus, Ended, Source, Stamps};
 use super::datagrams::Datagrams;
-use super::is_readable;
 use crate::source::live::socketcan::interface::{BUFFER, set_stamps, take};
 
 /// The name of the bus.
@@ -55,4 +55,10 @@ impl Source for StandIn {
     fn lag(&self) -> Duration {
         PACE * 2
     }
+}
+
+/// Waits until a socket can be read, at most `wait`.
+fn is_readable(socket: BorrowedFd<'_>, wait: Duration) -> bool {
+    let wait = PollTimeout::try_from(wait).unwrap_or(PollTimeout::MAX);
+    poll(&mut [PollFd::new(socket, PollFlags::POLLIN)], wait).is_ok_and(|count| count > 0)
 }

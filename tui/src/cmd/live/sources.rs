@@ -1,0 +1,68 @@
+//! Sources and record as the command line names them.
+
+use std::path::Path;
+
+use anyhow::{Context as _, bail};
+use cobscope_decoder::frame::LinkState;
+use cobscope_decoder::sink::escape;
+
+use crate::cli::LiveArgs;
+use crate::cmd::input::read_options;
+use crate::record::{RecordOptions, Recorder};
+use crate::source::live::{BusStatus, Source, SourceSpec, lines as text, slcan, socketcan, socketcand};
+
+pub(super) fn specs(arguments: &LiveArgs) -> anyhow::Result<Vec<SourceSpec>> {
+    let spec = |path: &Path| -> anyhow::Result<SourceSpec> {
+        let name = path.to_str().with_context(|| format!("{}: is no name of a source", path.display()))?;
+        let spec = name.parse::<SourceSpec>().map_err(|error| anyhow::anyhow!("{name}: {error}"))?;
+        if matches!(spec, SourceSpec::File(_)) && !arguments.follow {
+            bail!("{name}: is a file; cobscope view {name} shows what is in it, --follow what is added too");
+        }
+        Ok(spec)
+    };
+    arguments.input.captures.iter().map(|path| spec(path)).collect()
+}
+
+/// Opens the sources. All CAN interfaces of this computer are one.
+pub(super) fn open(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> anyhow::Result<Vec<Box<dyn Source>>> {
+    let read = read_options(&arguments.input);
+    let (mut sources, mut interfaces) = (Vec::new(), Vec::new());
+    for spec in specs {
+        match spec {
+            SourceSpec::SocketCan(spec) => interfaces.push(spec),
+            SourceSpec::Slcan { device, bit_rate } => sources.push(slcan::open(&device, bit_rate)?),
+            SourceSpec::Socketcand { address, bus } => sources.push(socketcand::open(&address, &bus)?),
+            SourceSpec::Stdin => sources.push(text::stdin(read)?),
+            SourceSpec::File(path) => sources.push(text::follow(&path, read)?),
+        }
+    }
+    if !interfaces.is_empty() {
+        sources.push(socketcan::open(&interfaces)?);
+    }
+    Ok(sources)
+}
+
+/// The record, where one is wanted.
+pub(super) fn recorder(arguments: &LiveArgs) -> anyhow::Result<Option<Recorder>> {
+    let Some(path) = &arguments.record else { return Ok(None) };
+    let options = RecordOptions {
+        path: Some(path.clone()),
+        max_bytes: arguments.record_size,
+        max_time: arguments.record_time,
+        files: arguments.record_files,
+    };
+    Recorder::open(&options, jiff::Zoned::now().datetime()).map(Some)
+}
+
+/// Whether an interface has to be brought up before anything comes.
+pub(super) fn is_down(status: &BusStatus) -> bool {
+    status.state == LinkState::Down
+}
+
+/// `can0: up, 250000 bit/s, error active`.
+pub(super) fn shown(status: &BusStatus) -> String {
+    let rate = status.bit_rate.map_or(String::new(), |rate| format!(", {rate} bit/s"));
+    let controller = status.controller.as_ref().map_or(String::new(), |controller| format!(", {controller}"));
+    let stamps = status.stamps.whose().map_or(String::new(), |whose| format!(", stamps of {whose}"));
+    escape(&format!("{}: {}{rate}{controller}{stamps}", status.name, status.state.name())).into_owned()
+}

@@ -1,0 +1,26 @@
+//! Figures of one capture, for all formats.
+
+use cobscope_decoder::decoder::Decoder;
+use cobscope_decoder::session::Bus;
+use cobscope_decoder::statistics::Statistics;
+
+use crate::cli::StatsArgs;
+
+/// Figures of one capture and the decoder behind its last frame.
+pub(super) struct Report<'a> {
+    pub(super) capture: String,
+    pub(super) format: &'static str,
+    pub(super) statistics: Statistics,
+    pub(super) decoder: Decoder,
+    pub(super) arguments: &'a StatsArgs,
+}
+
+impl Report<'_> {
+    /// Bit rate of a bus, if the user gave it: on the command line, else in the bus file.
+    pub(super) fn bit_rate(&self, bus: &Bus) -> Option<u32> {
+        let rates = &self.arguments.bitrate;
+        let own = rates.iter().find(|rate| rate.bus.as_deref() == Some(bus.name()));
+        let given = own.or_else(|| rates.iter().find(|rate| rate.bus.is_none()));
+        given.map(|rate| rate.rate).or_else(|| bus.bit_rate())
+    }
+}

@@ -1,0 +1,55 @@
+//! The time in view.
+
+/// What is in view.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Window {
+    pub(super) from: i64,
+    /// Still in view.
+    pub(super) to: i64,
+    pub(super) gap: Option<i64>,
+    /// Beyond it nothing is known, so no value holds.
+    pub(super) until: i64,
+}
+
+impl Window {
+    pub(super) fn contains(&self, time: i64) -> bool {
+        (self.from..=self.to).contains(&time)
+    }
+
+    /// Whether nothing came for so long that no line joins two times.
+    pub(super) fn is_gap(&self, earlier: i64, later: i64) -> bool {
+        self.gap.is_some_and(|gap| later.saturating_sub(earlier) > gap)
+    }
+
+    /// The last time in view at which a value may hold.
+    pub(super) fn end(&self) -> i64 {
+        self.to.min(self.until)
+    }
+
+    /// Nanoseconds in view.
+    pub(super) fn span(&self) -> u64 {
+        self.to.abs_diff(self.from).saturating_add(1)
+    }
+
+    /// In which of so many columns a time is; before it -1, behind it their number.
+    pub(super) fn column(&self, time: i64, columns: u32) -> i64 {
+        if time < self.from {
+            -1
+        } else if time > self.to {
+            i64::from(columns)
+        } else {
+            let at = u128::from(time.abs_diff(self.from)) * u128::from(columns) / u128::from(self.span());
+            i64::try_from(at).unwrap_or(i64::MAX)
+        }
+    }
+
+    /// The first time of a column.
+    pub(super) fn time(&self, column: u32, columns: u32) -> i64 {
+        let after = (u128::from(column) * u128::from(self.span())).div_ceil(u128::from(columns.max(1)));
+        u64::try_from(after)
+            .ok()
+            .and_then(|after| self.from.checked_add_unsigned(after))
+            .unwrap_or(self.to)
+            .min(self.to)
+    }
+}
