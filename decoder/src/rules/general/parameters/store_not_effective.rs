@@ -14,7 +14,7 @@ declare_rule! {
     /// # What it checks
     /// A setting was written, saved (1010) and confirmed, and reads as something else after a restart. Or one that was
     /// written and not saved is still there, though the device says that it stores on command only (1010): a note.
-    /// Policy are communication objects, and those of which the device's profile says that a store command keeps
+    /// Settings are communication objects, and those of which the device's profile says that a store command keeps
     /// them. What was written again since, and what a restart did not concern, is not judged.
     ///
     /// # Why it matters

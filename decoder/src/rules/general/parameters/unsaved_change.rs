@@ -1,4 +1,4 @@
-//! Policy are changed and not stored.
+//! Settings are changed and not stored.
 
 use crate::event::{Direction, Event, EventKind, Outcome};
 use crate::rules::rule::declare_rule;
