@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::support::modules::{Cycle, Heads, Modules};
+use crate::support::modules::{Cycle, Modules};
 use crate::support::workspace;
 
 /// Which folders and files of `decoder/src` may name which: the data flows from left to right, and
@@ -105,7 +105,7 @@ fn every_layer_imports_only_from_the_left() {
 /// defines itself and it uses them, all of them are one file in pieces.
 #[test]
 fn no_folder_has_a_circle_of_imports() {
-    let cycles = Modules::read("decoder/src").cycles(Heads::Counted);
+    let cycles = Modules::read("decoder/src").cycles();
     let is_below =
         |cycle: &Cycle, folder: &str| format!("{}/", cycle.folder).starts_with(&format!("{folder}/"));
     let (known, new): (Vec<_>, Vec<_>) =
@@ -121,7 +121,7 @@ fn no_folder_has_a_circle_of_imports() {
 fn a_circle_is_found_behind_re_exports_and_beside_tests() {
     let circles = |files: &[(&str, &str)]| -> Vec<String> {
         let files = files.iter().map(|(file, text)| ((*file).to_owned(), (*text).to_owned()));
-        let cycles = Modules::of(files).cycles(Heads::Counted);
+        let cycles = Modules::of(files).cycles();
         cycles.iter().filter_map(|cycle| cycle.chain.lines().next().map(str::to_owned)).collect()
     };
     let user = ("a/user.rs", "use super::{Kept, other::*};\nfn f(_: Kept) { crate::a::keeper::g(); }");

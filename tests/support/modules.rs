@@ -37,16 +37,6 @@ struct Module {
 /// A crate.
 pub struct Modules(BTreeMap<ModulePath, Module>);
 
-/// How a `mod.rs` counts in its folder.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Heads {
-    /// As a file like the others: it defines what they share or puts them to use, and never both. Its `mod` lines and
-    /// its re-exports only list the folder.
-    Counted,
-    /// Not at all.
-    Free,
-}
-
 /// A circle within a folder.
 pub struct Cycle {
     /// The folder, from the root of the crate on.
@@ -177,14 +167,12 @@ impl Modules {
     }
 
     /// For each folder with circles of imports the shortest of them. The nodes of a folder are its files and its
-    /// subfolders, each of which stands for all in it.
-    pub fn cycles(&self, heads: Heads) -> Vec<Cycle> {
+    /// subfolders, each of which stands for all in it. A `mod.rs` is a file like the others: it defines what they share or
+    /// puts them to use, and never both. Its `mod` lines and its re-exports only list the folder.
+    pub fn cycles(&self) -> Vec<Cycle> {
         let mut graphs: BTreeMap<&[String], Graph> = BTreeMap::new();
         for (from, to, path) in self.imports() {
             let shared = from.iter().zip(&to).take_while(|(one, other)| one == other).count();
-            if heads == Heads::Free && shared == from.len().min(to.len()) {
-                continue;
-            }
             let node = |of: &ModulePath| of.get(shared).map_or("mod.rs", String::as_str).to_owned();
             let graph = graphs.entry(&from[..shared]).or_default();
             let import = format!("{} uses {path}", shown(from));
