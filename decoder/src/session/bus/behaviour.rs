@@ -2,20 +2,12 @@
 
 use std::sync::Arc;
 
+use super::moment::Moment;
 use super::procedures::Running;
 use super::set_point::SetPointState;
 use super::state_machine::MachineState;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::nmt::NmtService;
-
-/// Something that happened: what, when, in which frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::session) struct Moment<T> {
-    pub(in crate::session) what: T,
-    pub(in crate::session) frame: u64,
-    /// Monotonic time in nanoseconds.
-    pub(in crate::session) time: i64,
-}
 
 /// What is remembered of a device's doings.
 #[derive(Debug, Clone, Default)]

@@ -1,7 +1,7 @@
 //! Facts about a node that conditions of its profile are evaluated on.
 
-use super::gates::Subject;
 use super::node::Node;
+use super::set_point::Subject;
 use crate::profile::device::{Condition, DeviceFacts, GateStatus, State};
 use crate::profile::{Carrier, Number};
 use crate::wire::canopen::{NmtState, ObjectAddress};

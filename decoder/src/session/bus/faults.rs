@@ -1,6 +1,5 @@
 //! What is remembered of a node as a J1939 device: its NAME and its trouble codes.
 
-use super::node::Node;
 use crate::event::DtcAction;
 use crate::session::limits::ACTIVE_ERROR_LIMIT;
 use crate::wire::j1939::{Lamps, Name, ReportedDtc, SpnConversion};
@@ -182,24 +181,5 @@ impl Faults {
     /// Bytes held.
     pub(in crate::session) fn footprint(&self) -> usize {
         (self.active.capacity() + self.previous.capacity()) * size_of::<KnownDtc>()
-    }
-}
-
-impl Node {
-    /// SPN and FMI of trouble codes that its last DM1 has.
-    pub fn active_dtcs(&self) -> impl Iterator<Item = (u32, u8)> {
-        self.j1939.iter().flat_map(|state| state.faults.active())
-    }
-}
-
-impl Node {
-    /// NAME of a J1939 device, once it was seen.
-    pub fn j1939_name(&self) -> Option<Name> {
-        self.j1939.as_ref()?.name
-    }
-
-    /// What is remembered of it as a J1939 device, made if new.
-    pub(in crate::session) fn j1939_state(&mut self) -> &mut J1939State {
-        self.j1939.get_or_insert_default()
     }
 }

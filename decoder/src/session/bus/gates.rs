@@ -1,6 +1,7 @@
 //! Gates: whether a set point acts, and what keeps it from acting.
 
 use super::node::Node;
+use super::set_point::Subject;
 use crate::event::Effective;
 use crate::profile::Carrier;
 use crate::profile::device::{Condition, Gate, GateStatus, Otherwise};
@@ -32,14 +33,6 @@ pub(in crate::session) struct Verdict {
     pub(in crate::session) effective: Effective,
     /// Names of those that are closed, or of those nothing is known of.
     pub(in crate::session) gates: Vec<String>,
-}
-
-/// A set point as gates see it.
-#[derive(Debug, Clone, Copy)]
-pub(in crate::session) struct Subject<'a> {
-    pub(in crate::session) object: ObjectAddress,
-    pub(in crate::session) channel: Option<u8>,
-    pub(in crate::session) carrier: &'a Carrier,
 }
 
 impl Node {

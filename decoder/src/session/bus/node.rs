@@ -17,6 +17,7 @@ use crate::session::options::AssignedBy;
 use crate::wire::NodeId;
 use crate::wire::canopen::emcy::ByteOrder;
 use crate::wire::canopen::{NmtState, ObjectAddress};
+use crate::wire::j1939::Name;
 
 /// NMT state with its certainty.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -269,5 +270,24 @@ impl Node {
             + self.delivered_ids.capacity() * size_of::<CanId>()
             + self.conflicts.footprint()
             + self.j1939.as_ref().map_or(0, |state| state.footprint())
+    }
+}
+
+impl Node {
+    /// SPN and FMI of trouble codes that its last DM1 has.
+    pub fn active_dtcs(&self) -> impl Iterator<Item = (u32, u8)> {
+        self.j1939.iter().flat_map(|state| state.faults.active())
+    }
+}
+
+impl Node {
+    /// NAME of a J1939 device, once it was seen.
+    pub fn j1939_name(&self) -> Option<Name> {
+        self.j1939.as_ref()?.name
+    }
+
+    /// What is remembered of it as a J1939 device, made if new.
+    pub(in crate::session) fn j1939_state(&mut self) -> &mut J1939State {
+        self.j1939.get_or_insert_default()
     }
 }

@@ -2,16 +2,18 @@
 
 use std::sync::Arc;
 
-use super::behaviour::Moment;
-use super::gates::Subject;
-use super::node::Node;
+use super::moment::Moment;
 use crate::event::{Effective, Quantity, SetPoint};
-use crate::profile::device::PdoEffect;
 use crate::profile::{Carrier, Meaning, Value};
 use crate::wire::canopen::ObjectAddress;
 
-/// Transmission types up to this one wait for SYNC (CiA 301 §7.5.2.35).
-const LAST_SYNCHRONOUS: u64 = 240;
+/// A set point as gates see it.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::session) struct Subject<'a> {
+    pub(in crate::session) object: ObjectAddress,
+    pub(in crate::session) channel: Option<u8>,
+    pub(in crate::session) carrier: &'a Carrier,
+}
 
 /// One set point of a node.
 #[derive(Debug, Clone)]
@@ -127,20 +129,4 @@ pub(in crate::session) fn plain(meaning: &Meaning, value: &Value) -> Option<f64>
     }
     #[expect(clippy::cast_precision_loss, reason = "values are for reading; data is the truth")]
     crate::profile::integer(value).map(|number| number as f64)
-}
-
-impl Node {
-    /// Whether an RPDO acts at the next SYNC: as the device says, else by its transmission type.
-    pub(in crate::session) fn waits_for_sync(&self, carrier: &Carrier) -> bool {
-        let Carrier::Pdo(name) = *carrier else { return false };
-        let spec = self.device.pdos.iter().find(|spec| spec.pdo == name);
-        match spec.map(|spec| spec.effect).unwrap_or_default() {
-            PdoEffect::AtSync => true,
-            PdoEffect::AtOnce => false,
-            PdoEffect::ByType => {
-                let kind = self.store.number(ObjectAddress::new(name.communication_index(), 2));
-                kind.is_some_and(|kind| kind <= LAST_SYNCHRONOUS)
-            }
-        }
-    }
 }
