@@ -12,10 +12,9 @@ pub(in crate::session) struct NodeIdChanges {
 }
 
 impl NodeIdChanges {
-    /// Takes the change by LSS if it leads to `id`: the node-ID before, if known.
-    pub(in crate::session) fn take_by_lss(&mut self, id: NodeId) -> Option<Option<NodeId>> {
-        let accepted = self.by_lss.take_if(|(_, to)| id == NodeId::Canopen(*to));
-        accepted.map(|(from, _)| from.map(NodeId::Canopen))
+    /// Takes the change by LSS if it leads to `id`: node-ID before, if it was inquired, and the new one.
+    pub(in crate::session) fn take_by_lss(&mut self, id: NodeId) -> Option<(Option<u8>, u8)> {
+        self.by_lss.take_if(|(_, to)| id == NodeId::Canopen(*to))
     }
 
     /// Takes the change by UDS if it leads to `id`: the node-ID before.

@@ -160,7 +160,6 @@ fn enter_step(
     cx.emit(frame, id, false, EventKind::Procedure(Box::new(event)));
 }
 
-#[expect(clippy::too_many_arguments, reason = "what ended, how, where")]
 fn finish_procedure(
     id: NodeId,
     place: usize,
@@ -257,7 +256,6 @@ pub(in crate::session) fn advance_procedures_by_object(
     }
 }
 
-#[expect(clippy::too_many_arguments, reason = "a procedure, its status, where")]
 fn on_procedure_status(
     id: NodeId,
     place: usize,

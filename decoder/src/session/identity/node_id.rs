@@ -16,8 +16,8 @@ use crate::wire::canopen::ObjectAddress;
 
 /// A node appears under `id`: if one was given that node-ID, it is that one.
 pub(in crate::session) fn apply_node_id_change(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
-    let (from, by) = if let Some(from) = cx.bus.node_id_changes.take_by_lss(id) {
-        (from.or_else(|| only_one_in_reset(cx.bus, id)), "lss")
+    let (from, by) = if let Some((from, _)) = cx.bus.node_id_changes.take_by_lss(id) {
+        (from.map(NodeId::Canopen).or_else(|| only_one_in_reset(cx.bus, id)), "lss")
     } else if let Some(from) = cx.bus.node_id_changes.take_by_uds(id) {
         (Some(from), "uds")
     } else if let Some(from) = node_awaiting_id(cx.bus, id) {

@@ -98,7 +98,7 @@ impl Transfers {
     }
 
     /// Takes out all open transfers in the order they began.
-    pub(in crate::session) fn drain(&mut self) -> Vec<Box<Transfer>> {
+    pub(in crate::session) fn drain(&mut self) -> impl Iterator<Item = Box<Transfer>> + use<> {
         self.open_bytes = 0;
         let mut open: Vec<_> =
             self.channels.iter_mut().filter_map(|channel| channel.transfer.take()).collect();
@@ -106,7 +106,7 @@ impl Transfers {
             transfer.end(Outcome::Unfinished);
         }
         open.sort_by_key(|transfer| transfer.frames.first);
-        open
+        open.into_iter()
     }
 
     /// Whether data had to be dropped since the last question.

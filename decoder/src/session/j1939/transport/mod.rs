@@ -317,13 +317,11 @@ impl Transports {
         for odd in [step.late, step.odd].into_iter().flatten() {
             emit_irregularity(part, odd, cx);
         }
-        match step.end {
-            Some(ending) => self.close(place, ending, part.frame, cx),
-            None => {
-                self.arm(place, cx);
-                None
-            }
+        if let Some(ending) = step.end {
+            return self.close(place, ending, part.frame, cx);
         }
+        self.arm(place, cx);
+        None
     }
 
     /// Ensures that a transfer has an entry in the timer queue. It is at the shortest time-out, so that a deadline that
@@ -376,7 +374,7 @@ fn emit_transfer(
     let EventKind::J1939Transfer(transfer) = event.kind else { return None };
     // A response that the capture lacks makes the data no less whole.
     let is_whole = !transfer.truncated && matches!(transfer.outcome, Outcome::Complete | Outcome::Timeout);
-    is_whole.then(|| TransferPayload { id, data: transfer.data, frames, frame: *frame })
+    is_whole.then_some(TransferPayload { id, data: transfer.data, frames, frame: *frame })
 }
 
 /// A transfer as an event; its data moves there.
