@@ -25,7 +25,9 @@ pub use condition::{
     Condition, Conditions, LssTrigger, MessageTrigger, SetTrigger, Trigger, Triggers, Wanted,
 };
 pub use evaluate::GateStatus;
-pub(crate) use evaluate::{DeviceFacts, SYNC_AGE, TriggerEvent, UpdateSource, ValueUpdate, evaluate_all};
+pub(crate) use evaluate::{
+    DeviceFacts, LssEvent, SYNC_AGE, TriggerEvent, UpdateSource, ValueUpdate, evaluate_all,
+};
 pub use file::ProfileFile;
 pub use gate::{Gate, Otherwise};
 pub use import::Import;

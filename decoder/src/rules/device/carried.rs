@@ -1,150 +1,175 @@
-//! Values in PDOs and messages: which of them which rules look at is worked out once a layout, so that a value that
-//! can change nothing costs next to nothing.
+//! Judges PDOs and J1939 messages at one node: only the rules that look at their values.
 
 use std::sync::Arc;
 
-use super::happening::Way;
-use super::plan::{Plan, triggers};
-use crate::profile::device::{DeviceRule, RuleKind, Trigger};
-use crate::profile::{Cut, Field, Layout, integer};
-use crate::wire::canopen::ObjectAddress;
+use super::carrier::{CarrierPayload, CarrierPlan, WatchedField};
+use super::kinds::{self, frames};
+use super::node::LastValue;
+use super::node_judge::{NodeJudge, Occasion};
+use super::pdo_targets::PdoTarget;
+use super::plan::triggers;
+use crate::event::{Event, J1939Message, Pdo};
+use crate::profile::Field;
+use crate::profile::device::{Direction, Trigger, TriggerEvent, UpdateSource, ValueUpdate};
+use crate::rules::Context;
+use crate::wire::j1939::ALL;
 
-/// What the rules of a node look at in a PDO or message.
-#[derive(Debug)]
-pub(super) struct Load {
-    pub(super) way: Way,
-    pub(super) uses: Vec<Use>,
-    /// Rules that wait for the PDO or message itself.
-    pub(super) rules: Vec<usize>,
-}
-
-/// A field whose value counts.
-#[derive(Debug)]
-pub(super) struct Use {
-    /// Its place in the layout.
-    pub(super) field: usize,
-    /// The place of its object in the plan.
-    pub(super) place: usize,
-    /// How it lies in eight bytes, where it does.
-    cut: Option<Cut>,
-    /// Conditions look at its values, which do not grow old.
-    pub(super) decides: bool,
-    /// Rules that judge its values.
-    pub(super) clauses: Vec<Clause>,
-    /// Rules whose `while` may hold or not hold from another value on.
-    pub(super) stretches: Vec<usize>,
-}
-
-/// A rule that judges the values of a field.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Clause {
-    pub(super) number: usize,
-    /// It judges only where one of these bits changed; of none, each value.
-    changed: Option<u64>,
-}
-
-/// A payload, and its first eight bytes as a number.
-#[derive(Clone, Copy)]
-pub(super) struct Payload<'a> {
-    pub(super) layout: Option<&'a Layout>,
-    pub(super) bytes: &'a [u8],
-    word: u64,
-}
-
-impl<'a> Payload<'a> {
-    /// Of the bytes of a message `length` count.
+impl NodeJudge<'_> {
     #[inline]
-    pub(super) fn new(layout: Option<&'a Arc<Layout>>, payload: &'a [u8], all: &[u8]) -> Self {
-        let word = all.first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes));
-        Self { layout: layout.map(|layout| &**layout), bytes: payload, word }
-    }
-}
-
-impl Load {
-    /// What rules look at of the values of a layout, and those that wait for what brings it.
-    #[cold]
-    pub(super) fn new(layout: Option<&Layout>, way: Way, rules: Vec<usize>, plan: &Plan) -> Self {
-        let fields = layout.into_iter().flat_map(|layout| layout.fields.iter().enumerate());
-        let uses = fields.filter_map(|(field, of)| Use::new(field, of, way, plan)).collect();
-        Self { way, uses, rules }
-    }
-
-    /// Whether there is nothing to look at.
-    pub(super) fn is_empty(&self) -> bool {
-        self.uses.is_empty() && self.rules.is_empty()
-    }
-}
-
-impl Use {
-    fn new(field: usize, of: &Field, way: Way, plan: &Plan) -> Option<Self> {
-        let object = of.object()?;
-        let (place, watched) = plan.watched(object)?;
-        let rules = watched.rules.iter();
-        let clauses = rules.filter_map(|number| Clause::new(*number, plan.rule(*number)?.0, object, way));
-        let is_followed = |number: &&usize| {
-            let rule = plan.rule(**number).filter(|_| watched.is_condition);
-            rule.is_some_and(|(rule, _)| plan.may_begin_or_end(rule, object))
-        };
-        Some(Self {
-            field,
-            place,
-            cut: Cut::of(of),
-            decides: watched.is_condition && !watched.is_measured,
-            clauses: clauses.collect(),
-            stretches: plan.stretches.iter().filter(is_followed).copied().collect(),
-        })
-    }
-
-    /// The number in a payload, where it is one.
-    #[inline]
-    pub(super) fn number(&self, payload: &Payload<'_>) -> Option<i64> {
-        match &self.cut {
-            Some(cut) => cut.number(payload.word, payload.bytes.len()),
-            None => self.other(payload),
+    pub(super) fn on_pdo(&mut self, target: &PdoTarget, pdo: &Pdo, event: &Event, context: &mut Context<'_>) {
+        let occasion = Occasion::of(event);
+        self.note_presence(occasion, context);
+        if pdo.is_request {
+            for number in target.requests.iter().copied() {
+                self.judge_one(number, occasion, context, |case, _, context| {
+                    frames::judge_remote_length(case, pdo, context);
+                });
+            }
+            return;
+        }
+        let payload = CarrierPayload::new(pdo.layout.as_ref(), pdo.payload(), &pdo.bytes);
+        self.on_values(&TriggerEvent::Pdo(target.name), &target.plan, &payload, event, context);
+        if target.is_own && target.plan.source == UpdateSource::Sent {
+            self.own.record.heard = Some(context.now);
         }
     }
 
-    #[cold]
-    fn other(&self, payload: &Payload<'_>) -> Option<i64> {
-        let field = payload.layout?.fields.get(self.field)?;
-        integer(&field.value(field.extract(payload.bytes)?))
-    }
-}
-
-impl Clause {
-    /// How a rule looks at values that come for an object this way; `None` where it does not.
-    fn new(number: usize, rule: &DeviceRule, object: ObjectAddress, way: Way) -> Option<Self> {
-        let is_subject = rule.subjects().any(|of| of.object == object);
-        let judges_all = match rule.kind {
-            RuleKind::Limit => is_subject,
-            RuleKind::Forbidden | RuleKind::Permitted => is_subject && way.is_command(),
-            _ => false,
-        };
-        if judges_all {
-            return Some(Self { number, changed: None });
+    /// A message that this node sends or receives by its profile.
+    pub(super) fn on_message(
+        &mut self,
+        address: u8,
+        message: &J1939Message,
+        event: &Event,
+        context: &mut Context<'_>,
+    ) {
+        let is_sender = message.id.source == address;
+        let is_receiver = message.id.destination == ALL || message.id.destination == address;
+        let device = Arc::clone(&self.own.record.plan.device);
+        let spec = device.messages.iter().find(|spec| {
+            let is_meant = match spec.direction {
+                Direction::Transmit => is_sender,
+                Direction::Receive => is_receiver && !is_sender,
+            };
+            is_meant && spec.concerns(message.id.pgn, address)
+        });
+        if let Some(spec) = spec {
+            let source = if is_sender { UpdateSource::Sent } else { UpdateSource::Received };
+            self.on_named_message(&spec.name, source, message, event, context);
         }
-        let mut changed = 0;
-        for trigger in triggers(rule) {
-            match trigger {
-                Trigger::Bit(bit, _) if bit.object.object == object => changed |= 1 << bit.bit,
-                Trigger::Set(set) if set.object.object == object && way == Way::Received => {
-                    if !set.changed {
-                        return Some(Self { number, changed: None });
-                    }
-                    changed |= set.mask;
+    }
+
+    fn on_named_message(
+        &mut self,
+        name: &str,
+        source: UpdateSource,
+        message: &J1939Message,
+        event: &Event,
+        context: &mut Context<'_>,
+    ) {
+        self.note_presence(Occasion::of(event), context);
+        let plan = self.own.carriers.take(message, source).unwrap_or_else(|| {
+            let waits = |trigger: &Trigger| matches!(trigger, Trigger::Message(of) if of.name == name);
+            let rules = self.numbers(|rule| triggers(rule).any(waits));
+            CarrierPlan::new(message.layout.as_deref(), source, rules, &self.own.record.plan)
+        });
+        let payload = CarrierPayload::new(message.layout.as_ref(), message.payload(), &message.bytes);
+        self.on_values(&TriggerEvent::Message(name), &plan, &payload, event, context);
+        self.own.carriers.put(message, plan);
+        self.note_heard(context);
+    }
+
+    /// Takes all values of a PDO or message before the rules judge it, since conditions see them together.
+    fn on_values(
+        &mut self,
+        carrier: &TriggerEvent<'_>,
+        plan: &CarrierPlan,
+        payload: &CarrierPayload<'_>,
+        event: &Event,
+        context: &mut Context<'_>,
+    ) {
+        let occasion = Occasion::of(event);
+        let mut numbers = std::mem::take(&mut self.own.scratch);
+        numbers.clear();
+        let mut follows = false;
+        let (time, frame, is_sent) = (context.now, event.frames.last, plan.source == UpdateSource::Sent);
+        for field in &plan.fields {
+            let (before, now) = (self.own.record.last.raw(field.place), field.number(payload));
+            if let Some(raw) = now {
+                follows |= before != now && !field.stretches.is_empty();
+                if field.decides {
+                    self.own.record.last.count_value(before != now, self.node.store().changes());
                 }
-                _ => {}
+                self.own.record.last.put(field.place, LastValue { raw, time, frame, is_sent });
+            }
+            numbers.push((before, now));
+        }
+        for number in plan.rules.iter().copied() {
+            if !self.facts(time).rests(number) {
+                self.judge_one(number, occasion, context, |case, progress, context| {
+                    kinds::judge_event(case, progress, carrier, context);
+                });
             }
         }
-        (changed != 0).then_some(Self { number, changed: Some(changed) })
+        for (field, (before, now)) in plan.fields.iter().zip(numbers.iter().copied()) {
+            let Some(raw) = now else { continue };
+            for clause in &field.clauses {
+                if clause.judges(before, raw) && !self.facts(time).rests(clause.number) {
+                    self.judge_value(field, clause.number, (before, raw), (plan, payload), occasion, context);
+                }
+            }
+        }
+        if follows {
+            self.follow_values(plan, &numbers, occasion, context);
+        }
+        self.own.scratch = numbers;
     }
 
-    /// Whether the rule has something to judge of a value.
-    #[inline]
-    pub(super) fn judges(self, before: Option<i64>, raw: i64) -> bool {
-        match (self.changed, before) {
-            (Some(bits), Some(before)) => (before ^ raw).cast_unsigned() & bits != 0,
-            _ => true,
+    /// One value of a PDO or message, judged by one rule.
+    fn judge_value(
+        &mut self,
+        watched: &WatchedField,
+        number: usize,
+        (before, raw): (Option<i64>, i64),
+        (plan, payload): (&CarrierPlan, &CarrierPayload<'_>),
+        occasion: Occasion<'_>,
+        context: &mut Context<'_>,
+    ) {
+        let field = payload.layout.and_then(|layout| layout.fields.get(watched.field));
+        let (Some(object), Some(field)) = (field.and_then(Field::object), field) else { return };
+        let before = before.or_else(|| self.node.proven(object).map(|(raw, _)| raw));
+        let update = ValueUpdate {
+            object,
+            source: plan.source,
+            raw: Some(raw),
+            before,
+            bytes: &[],
+            meaning: field.meaning.as_deref(),
+            is_fresh: before.is_none() && self.own.record.last.is_fresh,
+        };
+        self.judge_one(number, occasion, context, |case, progress, context| {
+            kinds::judge_event(case, progress, &TriggerEvent::Value(update), context);
+        });
+    }
+
+    /// Values changed with which `while` of a rule may begin or end.
+    #[cold]
+    fn follow_values(
+        &mut self,
+        plan: &CarrierPlan,
+        numbers: &[(Option<i64>, Option<i64>)],
+        occasion: Occasion<'_>,
+        context: &mut Context<'_>,
+    ) {
+        let mut place = 0;
+        while let Some(number) = self.own.record.plan.stretches.get(place).copied() {
+            let mut values = plan.fields.iter().zip(numbers);
+            let is_concerned = values.any(|(field, (before, now))| {
+                now.is_some() && before != now && field.stretches.contains(&number)
+            });
+            if is_concerned {
+                self.judge_one(number, occasion, context, kinds::follow_while);
+            }
+            place += 1;
         }
     }
 }

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use super::dispatch::concerns;
-use super::happening::Happening;
 use super::info;
-use crate::profile::device::{Condition, Conditions, DeviceRule, Per, RuleKind, Stretch, Trigger, Triggers};
+use crate::profile::device::{
+    Condition, Conditions, DeviceRule, Per, RuleKind, Stretch, Trigger, TriggerEvent, Triggers,
+};
 use crate::profile::{Device, PdoName, Role};
 use crate::query::KindSet;
 use crate::rules::ledger::Ledger;
@@ -13,12 +13,12 @@ use crate::wire::canopen::ObjectAddress;
 
 /// The rules of a device.
 #[derive(Debug)]
-pub(super) struct Plan {
+pub(super) struct RulePlan {
     pub(super) device: Arc<Device>,
     /// Places in the ledger of the device's rules, in their order; none of those that are switched off.
     pub(super) places: Vec<Option<u16>>,
     /// Objects whose values count, in order.
-    watched: Vec<Watched>,
+    watched: Vec<WatchedObject>,
     /// PDOs that rules wait for.
     pub(super) pdos: Vec<PdoName>,
     /// Rules that SYNC concerns.
@@ -31,7 +31,7 @@ pub(super) struct Plan {
 
 /// An object whose values count.
 #[derive(Debug)]
-pub(super) struct Watched {
+pub(super) struct WatchedObject {
     pub(super) object: ObjectAddress,
     /// Rules that judge each value of it.
     pub(super) rules: Vec<usize>,
@@ -41,7 +41,7 @@ pub(super) struct Watched {
     pub(super) is_condition: bool,
 }
 
-impl Plan {
+impl RulePlan {
     /// The plan of a device, whose rules are known to the ledger from now on.
     pub(super) fn new(device: &Arc<Device>, ledger: &mut Ledger) -> Self {
         let mut plan = Self {
@@ -86,7 +86,7 @@ impl Plan {
     }
 
     /// An object whose values count, and its place.
-    pub(super) fn watched(&self, object: ObjectAddress) -> Option<(usize, &Watched)> {
+    pub(super) fn watched(&self, object: ObjectAddress) -> Option<(usize, &WatchedObject)> {
         let place = self.watched.binary_search_by_key(&object, |watched| watched.object).ok()?;
         Some((place, self.watched.get(place)?))
     }
@@ -112,23 +112,16 @@ impl Plan {
     /// Whether another value of an object may begin or end what a rule calls `while`: where that is nothing but values
     /// that do not grow old, only theirs do.
     pub(super) fn may_begin_or_end(&self, rule: &DeviceRule, object: ObjectAddress) -> bool {
-        let concerns = |condition: &Condition| match condition {
-            Condition::Object { object: of, .. } | Condition::Inside { object: of, .. } => {
-                of.object == object || !self.is_lasting(condition)
-            }
-            _ => true,
+        let concerns = |condition: &Condition| {
+            condition.object().is_none_or(|of| of == object || !self.is_lasting(condition))
         };
         rule.during.0.iter().any(concerns)
     }
 
     /// Whether a condition is about a value that does not grow old.
     pub(super) fn is_lasting(&self, condition: &Condition) -> bool {
-        match condition {
-            Condition::Object { object, .. } | Condition::Inside { object, .. } => {
-                self.watched(object.object).is_some_and(|(_, watched)| !watched.is_measured)
-            }
-            _ => false,
-        }
+        let watched = condition.object().and_then(|object| self.watched(object));
+        watched.is_some_and(|(_, watched)| !watched.is_measured)
     }
 
     fn take(&mut self, number: usize, rule: &DeviceRule, names: &mut Vec<&str>) {
@@ -155,7 +148,7 @@ impl Plan {
             RuleKind::MaxCount if rule.per == Some(Per::Stretch(Stretch::Sync)) => names.push("sync"),
             _ => {}
         }
-        if concerns(rule, &Happening::Sync) {
+        if concerns(rule, &TriggerEvent::Sync) {
             self.syncs.push(number);
         }
         if follows_while(rule) {
@@ -164,15 +157,14 @@ impl Plan {
     }
 
     fn condition(&mut self, condition: &Condition, names: &mut Vec<&str>) {
-        match condition {
-            Condition::Object { object, .. } | Condition::Inside { object, .. } => {
-                names.extend(VALUES);
-                self.watch(object.object, None);
-                let watched = self.watched.iter_mut().find(|watched| watched.object == object.object);
-                if let Some(watched) = watched {
-                    watched.is_condition = true;
-                }
+        if let Some(object) = condition.object() {
+            names.extend(VALUES);
+            self.watch(object, None);
+            if let Some(watched) = self.watched.iter_mut().find(|watched| watched.object == object) {
+                watched.is_condition = true;
             }
+        }
+        match condition {
             Condition::State(_) => names.push("device-state"),
             Condition::Other(Conditions(all)) => all.iter().for_each(|one| self.condition(one, names)),
             _ => {}
@@ -185,7 +177,7 @@ impl Plan {
         if known.is_none() {
             let entry = self.device.dictionary.find(object).and_then(|found| found.entry);
             let is_measured = entry.is_some_and(|entry| entry.look.role == Some(Role::Actual));
-            self.watched.push(Watched { object, rules: Vec::new(), is_measured, is_condition: false });
+            self.watched.push(WatchedObject { object, rules: Vec::new(), is_measured, is_condition: false });
         }
         if let (Some(watched), Some(rule)) = (self.watched.get_mut(place), rule)
             && !watched.rules.contains(&rule)
@@ -212,6 +204,22 @@ fn follows_while(rule: &DeviceRule) -> bool {
 pub(super) fn triggers(rule: &DeviceRule) -> impl Iterator<Item = &Trigger> {
     let lists: [&Triggers; 5] = [&rule.on, &rule.then, &rule.before, &rule.since, &rule.after];
     lists.into_iter().flat_map(|triggers| &triggers.0)
+}
+
+/// Whether a rule looks at an event.
+pub(super) fn concerns(rule: &DeviceRule, event: &TriggerEvent<'_>) -> bool {
+    let always = match event {
+        TriggerEvent::Value(update) => rule.subjects().any(|of| of.object == update.object),
+        TriggerEvent::Boot => matches!(rule.kind, RuleKind::Order | RuleKind::Follow),
+        TriggerEvent::Sync => rule.per == Some(Per::Stretch(Stretch::Sync)),
+        _ => false,
+    };
+    always || triggers(rule).any(|trigger| trigger.is_attempted_by(event))
+}
+
+/// Whether a rule waits for a PDO.
+pub(super) fn waits_for(rule: &DeviceRule, name: PdoName) -> bool {
+    triggers(rule).any(|trigger| *trigger == Trigger::Pdo(name))
 }
 
 /// Kinds of events that may be what a trigger waits for.

@@ -312,7 +312,7 @@ impl BusJudge {
         if self.has_turned {
             self.ask_for_pdos();
         }
-        if device::attaches(&event.kind) {
+        if device::may_attach(&event.kind) {
             self.listen();
         }
     }

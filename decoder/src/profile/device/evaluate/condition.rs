@@ -1,6 +1,6 @@
 //! Operators of conditions, and the facts they need.
 
-use crate::profile::device::{Condition, Conditions};
+use crate::profile::device::condition::{Condition, Conditions};
 use crate::profile::resolve::Number;
 use crate::wire::canopen::{NmtState, ObjectAddress};
 
@@ -101,7 +101,7 @@ impl Condition {
             }
             Self::Object { object, mask, values, negated } => {
                 facts.number(object.object).map_or(GateStatus::Unknown, |number| {
-                    let holds = values.contains(super::masked(number.raw, *mask)) != *negated;
+                    let holds = values.contains(masked(number.raw, *mask)) != *negated;
                     GateStatus::of_number(holds, number)
                 })
             }
@@ -142,6 +142,11 @@ pub(crate) fn evaluate_all<'c>(
         }
     }
     all
+}
+
+/// A raw number reduced to the bits that count.
+pub(super) fn masked(raw: i64, mask: u64) -> i64 {
+    (raw.cast_unsigned() & mask).cast_signed()
 }
 
 /// Whether one of the other nodes meets all conditions.

@@ -1,8 +1,10 @@
 //! Operators of triggers, and the events they are compared with.
 
-use crate::profile::device::{SetTrigger, Trigger, Wanted};
+use super::condition::masked;
+use crate::profile::device::condition::{SetTrigger, Trigger, Wanted};
+use crate::profile::layout::{Carrier, PdoName};
+use crate::profile::meaning::Meaning;
 use crate::profile::object::Numbers;
-use crate::profile::{Carrier, Meaning, PdoName};
 use crate::wire::canopen::ObjectAddress;
 
 /// An event at a device, as triggers distinguish events.
@@ -174,7 +176,7 @@ fn is_wanted(update: &ValueUpdate<'_>, wanted: Option<&Wanted>) -> bool {
 }
 
 fn is_set(update: &ValueUpdate<'_>, set: &SetTrigger) -> bool {
-    let through = |raw: i64| super::masked(raw, set.mask);
+    let through = |raw: i64| masked(raw, set.mask);
     let Some(raw) = update.raw.map(through) else { return set.values.is_none() && !set.changed };
     let is_meant = set.values.as_ref().is_none_or(|values| values.contains(raw) != set.negated);
     is_meant && (!set.changed || update.before.is_some_and(|before| through(before) != raw))

@@ -1,12 +1,12 @@
 //! Statements about frames and transfers as such: identifiers, modes of SDO, lengths of remote frames.
 
-use super::judge::Case;
 use crate::event::{Direction, Mode, Outcome, Pdo, SdoTransfer};
 use crate::finding::About;
 use crate::frame::{CanId, Frame, FrameFlags};
 use crate::profile::device::{DeviceRule, Shape};
 use crate::profile::{PdoDirection, little_endian};
 use crate::rules::Context;
+use crate::rules::device::case::RuleCase;
 use crate::wire::NodeId;
 
 /// Bit 31 of a COB-ID: the service does not exist. Bit 29: the identifier has 29 bits.
@@ -17,9 +17,9 @@ const EXTENDED: u64 = 1 << 29;
 const SDO_BYTES: u8 = 8;
 const NO_SPECIFIER: u8 = 7;
 
-/// A frame nobody owns: has it the shape of what belongs on the identifier?
-pub(super) fn frame(case: &Case<'_>, frame: &Frame, context: &mut Context<'_>) {
-    if !reserves(case.rule, frame.id) || frame.flags.contains(FrameFlags::REMOTE) {
+/// A data frame of no known service has the shape that belongs on the identifier.
+pub(in crate::rules::device) fn judge_frame(case: &RuleCase<'_>, frame: &Frame, context: &mut Context<'_>) {
+    if !is_reserved(case.rule, frame.id) || frame.flags.contains(FrameFlags::REMOTE) {
         return;
     }
     let Some(Shape::Sdo) = case.rule.shape else { return };
@@ -28,22 +28,26 @@ pub(super) fn frame(case: &Case<'_>, frame: &Frame, context: &mut Context<'_>) {
         return context.pass();
     }
     let length = frame.length;
-    owned(case, frame.id, &format!("{length} bytes that are no SDO message"), context);
+    report_id(case, frame.id, &format!("{length} bytes that are no SDO message"), context);
 }
 
 /// A PDO with a reserved identifier.
-pub(super) fn pdo_id(case: &Case<'_>, pdo: &Pdo, context: &mut Context<'_>) {
-    if reserves(case.rule, pdo.cob_id) {
+pub(in crate::rules::device) fn judge_pdo_id(case: &RuleCase<'_>, pdo: &Pdo, context: &mut Context<'_>) {
+    if is_reserved(case.rule, pdo.cob_id) {
         let of = case
             .event
             .and_then(|event| event.node)
             .map_or_else(String::new, |node| format!(" of {}", node.words()));
-        owned(case, pdo.cob_id, &format!("{}{of}", pdo.name), context);
+        report_id(case, pdo.cob_id, &format!("{}{of}", pdo.name), context);
     }
 }
 
-/// A node is given a reserved identifier.
-pub(super) fn given(case: &Case<'_>, transfer: &SdoTransfer, context: &mut Context<'_>) {
+/// A download of a COB-ID to any node.
+pub(in crate::rules::device) fn judge_cob_id(
+    case: &RuleCase<'_>,
+    transfer: &SdoTransfer,
+    context: &mut Context<'_>,
+) {
     let is_write = transfer.direction == Some(Direction::Download) && transfer.outcome == Outcome::Complete;
     let Some(object) = transfer.object.filter(|_| is_write && transfer.data.len() <= 8) else { return };
     let holds_id = matches!(
@@ -59,27 +63,31 @@ pub(super) fn given(case: &Case<'_>, transfer: &SdoTransfer, context: &mut Conte
         return;
     };
     let id = CanId::standard(id);
-    if reserves(case.rule, id) {
+    if is_reserved(case.rule, id) {
         let node = case.event.and_then(|event| event.node).map_or_else(String::new, NodeId::words);
-        owned(case, id, &format!("given to {object} of {node}"), context);
+        report_id(case, id, &format!("given to {object} of {node}"), context);
     }
 }
 
-/// Whether a rule keeps an identifier for its device.
-pub(super) fn reserves(rule: &DeviceRule, id: CanId) -> bool {
+/// Whether a rule reserves an identifier for its device.
+pub(in crate::rules::device) fn is_reserved(rule: &DeviceRule, id: CanId) -> bool {
     let CanId::Standard(number) = id else { return false };
     rule.ids.is_some_and(|[first, last]| (first..=last).contains(&u32::from(number)))
 }
 
-/// The finding is one of the bus: the identifiers belong to all such devices on it.
-fn owned(case: &Case<'_>, id: CanId, what: &str, context: &mut Context<'_>) {
+/// Reports an identifier of the bus, since it belongs to all such devices there.
+fn report_id(case: &RuleCase<'_>, id: CanId, what: &str, context: &mut Context<'_>) {
     let Some(event) = case.event else { return };
     let text = &case.rule.text;
     context.fail(event).node(None).about(About::Id(id)).say(|| format!("{what}: {text}"));
 }
 
-/// A transfer that should be expedited.
-pub(super) fn expedited(case: &Case<'_>, transfer: &SdoTransfer, context: &mut Context<'_>) {
+/// A transfer is expedited.
+pub(in crate::rules::device) fn judge_transfer(
+    case: &RuleCase<'_>,
+    transfer: &SdoTransfer,
+    context: &mut Context<'_>,
+) {
     let is_answered = matches!(transfer.outcome, Outcome::Complete | Outcome::Aborted);
     let (Some(object), Some(mode)) = (transfer.object.filter(|_| is_answered), transfer.mode) else { return };
     if case.rule.except.iter().any(|range| range.covers(object, 0, 0)) || !case.is_due() {
@@ -92,12 +100,16 @@ pub(super) fn expedited(case: &Case<'_>, transfer: &SdoTransfer, context: &mut C
     };
     let Some(event) = case.event else { return };
     let text = &case.rule.text;
-    let alarm = context.fail(event).node(Some(case.scene.id)).about(About::Object(object));
+    let alarm = context.fail(event).node(Some(case.facts.id)).about(About::Object(object));
     alarm.say(|| format!("{mode} transfer: {text}"));
 }
 
-/// A remote frame that asks for a TPDO.
-pub(super) fn remote_length(case: &Case<'_>, pdo: &Pdo, context: &mut Context<'_>) {
+/// A remote frame has the length of its TPDO.
+pub(in crate::rules::device) fn judge_remote_length(
+    case: &RuleCase<'_>,
+    pdo: &Pdo,
+    context: &mut Context<'_>,
+) {
     if !pdo.is_request || pdo.name.direction != PdoDirection::Transmit || !case.is_due() {
         return;
     }
@@ -108,6 +120,6 @@ pub(super) fn remote_length(case: &Case<'_>, pdo: &Pdo, context: &mut Context<'_
     }
     let Some(event) = case.event else { return };
     let (name, text) = (pdo.name, &case.rule.text);
-    let alarm = context.fail(event).node(Some(case.scene.id)).about(About::Name(name.to_string().into()));
+    let alarm = context.fail(event).node(Some(case.facts.id)).about(About::Name(name.to_string().into()));
     alarm.say(|| format!("asks for {asked} bytes, {name} has {has}: {text}"));
 }

@@ -1,0 +1,95 @@
+//! One rule at one node, and what all kinds of rules do with it.
+
+use super::describe::about_event;
+use super::facts::ProvenFacts;
+use super::progress::RuleProgress;
+use crate::event::{Event, FrameRange};
+use crate::profile::device::{DeviceRule, Trigger, TriggerEvent};
+use crate::rules::Context;
+use crate::rules::context::Alarm;
+use crate::wire::canopen::ObjectAddress;
+
+/// One rule at one node, and the event that is judged.
+#[derive(Clone, Copy)]
+pub(super) struct RuleCase<'a> {
+    pub(super) facts: ProvenFacts<'a>,
+    pub(super) rule: &'a DeviceRule,
+    /// Its place among the rules of the device.
+    pub(super) number: usize,
+    /// The event that is judged; `None` if time has passed.
+    pub(super) event: Option<&'a Event>,
+    pub(super) frames: FrameRange,
+}
+
+impl RuleCase<'_> {
+    /// Whether it is judged now: `while` is proven.
+    pub(super) fn is_due(&self) -> bool {
+        self.facts.holds_while(self.rule, self.number)
+    }
+
+    /// The trigger of `on` that an event meets.
+    pub(super) fn on(&self, event: &TriggerEvent<'_>) -> Option<&Trigger> {
+        self.rule.on.0.iter().find(|trigger| trigger.is_attempted_by(event))
+    }
+
+    /// Time in the rule, in nanoseconds; `None` if it is unknown or 0.
+    pub(super) fn limit(&self) -> Option<i64> {
+        let milliseconds = match self.rule.ms_of {
+            None => self.rule.ms?,
+            Some(of) => self.scaled(of.object)? * self.rule.times,
+        };
+        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+        let nanoseconds = (milliseconds * 1e6) as i64;
+        (nanoseconds > 0).then_some(nanoseconds)
+    }
+
+    /// Proven value of an object in its unit.
+    pub(super) fn scaled(&self, object: ObjectAddress) -> Option<f64> {
+        let raw = self.facts.value(object)?;
+        let meaning = self.facts.node.meaning(object);
+        if meaning.as_ref().is_some_and(|meaning| meaning.assumed) {
+            return None;
+        }
+        let scaled = meaning.and_then(|meaning| meaning.scaled(&meaning.number(raw)));
+        #[expect(clippy::cast_precision_loss, reason = "numbers of few digits")]
+        let plain = raw as f64;
+        Some(scaled.unwrap_or(plain))
+    }
+
+    /// The event shows a violation at this node.
+    pub(super) fn fail<'b, 'c>(
+        &self,
+        event: &TriggerEvent<'_>,
+        context: &'b mut Context<'c>,
+    ) -> Alarm<'b, 'c> {
+        let node = Some(self.facts.id);
+        let alarm = match self.event {
+            Some(event) => context.fail(event).node(node),
+            None => context.fail_at(context.now, node, self.frames),
+        };
+        alarm.about(about_event(event, self.event))
+    }
+
+    /// Requests another look at a deadline.
+    pub(super) fn wait(&self, progress: &mut RuleProgress, deadline: i64, context: &mut Context<'_>) {
+        progress.deadline = Some(deadline);
+        if progress.wake.is_none_or(|wake| deadline < wake) {
+            progress.wake = Some(deadline);
+            let token = (self.facts.id.place() as u64) << 16 | self.number as u64;
+            context.wake_at(deadline, token);
+        }
+    }
+}
+
+/// The object by which an event is counted, if the trigger is about several objects.
+pub(super) fn counted_object(event: &TriggerEvent<'_>, trigger: &Trigger) -> Option<ObjectAddress> {
+    match (event, trigger) {
+        (TriggerEvent::Value(update), Trigger::Writes(_)) => Some(update.object),
+        _ => None,
+    }
+}
+
+/// Whether one of the triggers is a PDO: its absence is proven only while the node sends PDOs.
+pub(super) fn waits_for_pdo(triggers: &[Trigger]) -> bool {
+    triggers.iter().any(|trigger| matches!(trigger, Trigger::Pdo(_)))
+}

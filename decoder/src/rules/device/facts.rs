@@ -1,0 +1,127 @@
+//! Proven facts about a node: values of a PDO as it brings them, all others as they were before.
+
+use super::describe::show;
+use super::node::{NodeRecord, NodeRules};
+use crate::profile::Number;
+use crate::profile::device::DeviceFacts;
+use crate::rules::NodeMap;
+use crate::rules::context::{SETTLING, confirmed_state};
+use crate::session::{Bus, Node};
+use crate::wire::NodeId;
+use crate::wire::canopen::{NmtState, ObjectAddress};
+
+/// Age up to which a measured value is proven, in nanoseconds.
+const MEASURED: i64 = 2_000_000_000;
+
+/// Silence after which a node is absent, in nanoseconds.
+const ALONE: i64 = 10_000_000_000;
+
+/// A node with the record of its rules, and the other nodes of its bus.
+#[derive(Clone, Copy)]
+pub(super) struct ProvenFacts<'a> {
+    pub(super) bus: &'a Bus,
+    pub(super) id: NodeId,
+    pub(super) node: &'a Node,
+    pub(super) own: &'a NodeRecord,
+    pub(super) others: &'a NodeMap<Box<NodeRules>>,
+    /// Time in the clock of the rules.
+    pub(super) now: i64,
+}
+
+impl ProvenFacts<'_> {
+    /// Proven number of an object: the last one that the bus showed.
+    pub(super) fn value(&self, object: ObjectAddress) -> Option<i64> {
+        let watched = self.own.plan.watched(object);
+        let is_measured = watched.is_some_and(|(_, watched)| watched.is_measured);
+        let sent = watched.and_then(|(place, _)| self.own.last.get(place));
+        let sent = sent.filter(|sent| !is_measured || self.now.saturating_sub(sent.time) <= MEASURED);
+        // What the node holds may have come by other ways, and later.
+        let is_later = |frame| self.node.store().seen(object).is_some_and(|entry| entry.origin.frame > frame);
+        if let Some(sent) = sent.filter(|sent| !is_later(sent.frame)) {
+            return Some(sent.raw);
+        }
+        let stored = self.node.proven(object).filter(|(_, origin)| {
+            let time = origin.time.map(|stamp| self.bus.monotonic(stamp));
+            !is_measured || time.is_none_or(|time| self.bus.now().saturating_sub(time) <= MEASURED)
+        });
+        match (sent, stored) {
+            (Some(sent), Some((raw, origin))) => Some(if origin.frame > sent.frame { raw } else { sent.raw }),
+            (Some(sent), None) => Some(sent.raw),
+            (None, stored) => stored.map(|(raw, _)| raw),
+        }
+    }
+
+    /// Whether the node is sure to send and receive PDOs.
+    pub(super) fn is_operational(&self) -> bool {
+        let confirmed = confirmed_state(self.bus, self.id) == Some(NmtState::Operational);
+        confirmed && !self.node.is_lost()
+    }
+
+    /// An object with its value: `5208:01 = 1`.
+    pub(super) fn shown(&self, object: ObjectAddress) -> String {
+        let value = self.value(object);
+        let raw = value.unwrap_or_default();
+        match self.node.meaning(object) {
+            Some(meaning) => format!("{object} is {}", show(&meaning, raw)),
+            None => format!("{object} is {raw}"),
+        }
+    }
+}
+
+impl DeviceFacts for ProvenFacts<'_> {
+    fn nmt_state(&self) -> Option<NmtState> {
+        confirmed_state(self.bus, self.id)
+    }
+
+    fn number(&self, object: ObjectAddress) -> Option<Number> {
+        self.value(object).map(|raw| Number { raw, assumed: false })
+    }
+
+    /// Shortly after a change a PDO may still contain the state before.
+    fn reported_state(&self, channel: Option<u8>) -> Option<&str> {
+        if self.own.is_settling(channel, self.now, SETTLING) {
+            return None;
+        }
+        self.node.facts(self.bus.now()).state(channel).map(|state| state.name.as_str())
+    }
+
+    fn is_commanded(&self, channel: Option<u8>, states: &[String]) -> bool {
+        self.node.facts(self.bus.now()).is_commanded(channel, states)
+    }
+
+    fn sync_age(&self) -> Option<i64> {
+        self.node.facts(self.bus.now()).sync_age()
+    }
+
+    fn has_error(&self) -> bool {
+        self.node.facts(self.bus.now()).has_error()
+    }
+
+    fn is_taken_over(&self) -> bool {
+        self.node.facts(self.bus.now()).is_taken_over()
+    }
+
+    /// Rules judge PDOs and messages when they arrive.
+    fn is_overdue(&self) -> bool {
+        false
+    }
+
+    fn others(&self) -> Option<impl Iterator<Item = Self>> {
+        let others = self.others.iter().filter(|(id, _)| *id != self.id);
+        Some(others.filter_map(|(id, other)| {
+            let own = &other.record;
+            let node = self.bus.node(id).filter(|_| own.plan.device.id == self.own.plan.device.id)?;
+            Some(ProvenFacts { id, node, own, ..*self })
+        }))
+    }
+
+    fn is_alone(&self) -> Option<bool> {
+        let is_heard = |node: &Node| {
+            let (frame, stamp) = node.last_seen();
+            let age = stamp.map_or(0, |stamp| self.bus.now().saturating_sub(self.bus.monotonic(stamp)));
+            frame != 0 && age <= ALONE
+        };
+        let mut nodes = self.bus.nodes().filter(|node| node.id() != self.id && node.id().canopen().is_some());
+        Some(!nodes.any(is_heard))
+    }
+}

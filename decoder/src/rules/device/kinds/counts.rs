@@ -1,0 +1,130 @@
+//! Numbers of events.
+
+use crate::event::FrameRange;
+use crate::profile::device::{Per, Stretch, TriggerEvent};
+use crate::rules::Context;
+use crate::rules::device::case::{RuleCase, counted_object, waits_for_pdo};
+use crate::rules::device::describe::{about_first, show_event};
+use crate::rules::device::progress::{FrameTime, RuleProgress};
+
+/// Most events remembered; a rule with a higher count is judged by the last ones.
+const ROW_LIMIT: usize = 1024;
+
+/// SYNCs further apart have stopped, in nanoseconds.
+const ALIVE: i64 = 1_000_000_000;
+
+/// At most `count` of `on` occur.
+pub(super) fn judge_count(
+    case: &RuleCase<'_>,
+    progress: &mut RuleProgress,
+    event: &TriggerEvent<'_>,
+    context: &mut Context<'_>,
+) {
+    match case.rule.per {
+        Some(Per::Stretch(Stretch::Sync)) => judge_per_sync(case, progress, event, context),
+        Some(Per::Stretch(Stretch::While)) => judge_per_while(case, progress, event, context),
+        Some(Per::Seconds(seconds)) => judge_per_seconds(case, progress, event, seconds, context),
+        None => {}
+    }
+}
+
+fn most(case: &RuleCase<'_>) -> u32 {
+    case.rule.count.unwrap_or(u32::MAX)
+}
+
+fn judge_per_sync(
+    case: &RuleCase<'_>,
+    progress: &mut RuleProgress,
+    event: &TriggerEvent<'_>,
+    context: &mut Context<'_>,
+) {
+    let is_heard = || !waits_for_pdo(&case.rule.on.0) || case.facts.is_operational();
+    if progress.is_counting && case.on(event).is_some() && is_heard() && case.is_due() {
+        progress.count = progress.count.saturating_add(1);
+        let frame = case.frames.last;
+        if progress.count == 1 {
+            progress.first = frame;
+        }
+        progress.last = Some(FrameTime { time: context.now, frame });
+    }
+    if !matches!(event, TriggerEvent::Sync) {
+        return;
+    }
+    let count = std::mem::take(&mut progress.count);
+    let before = progress.since.replace(context.now);
+    // SYNCs far apart have stopped: other rules report that.
+    let is_alive = before.is_some_and(|before| context.now.saturating_sub(before) <= ALIVE);
+    let was_counting = std::mem::replace(&mut progress.is_counting, true) && is_alive;
+    let most = most(case);
+    if count == 0 || !was_counting {
+        return;
+    }
+    if count <= most {
+        return context.pass();
+    }
+    let last = progress.last.map_or(progress.first, |last| last.frame);
+    let text = &case.rule.text;
+    let alarm = case.fail(event, context).about(about_first(&case.rule.on.0));
+    let frames = FrameRange { first: progress.first, last };
+    let alarm = alarm.frames(frames).measure(f64::from(count));
+    alarm.say(|| format!("{count} between two SYNC, at most {most}: {text}"));
+}
+
+fn judge_per_while(
+    case: &RuleCase<'_>,
+    progress: &mut RuleProgress,
+    event: &TriggerEvent<'_>,
+    context: &mut Context<'_>,
+) {
+    if case.on(event).is_none() || !case.is_due() {
+        return;
+    }
+    if !std::mem::replace(&mut progress.holds, true) {
+        progress.count = 0;
+    }
+    progress.count = progress.count.saturating_add(1);
+    let (count, most, text) = (progress.count, most(case), &case.rule.text);
+    if count > most {
+        let alarm = case.fail(event, context).measure(f64::from(count));
+        alarm.say(|| format!("{count} × {}, at most {most}: {text}", show_event(event)));
+    }
+}
+
+/// The counted stretch ended.
+pub(super) fn end_stretch(case: &RuleCase<'_>, progress: &mut RuleProgress, context: &mut Context<'_>) {
+    let count = std::mem::take(&mut progress.count);
+    if (1..=most(case)).contains(&count) {
+        context.pass();
+    }
+}
+
+fn judge_per_seconds(
+    case: &RuleCase<'_>,
+    progress: &mut RuleProgress,
+    event: &TriggerEvent<'_>,
+    seconds: f64,
+    context: &mut Context<'_>,
+) {
+    let Some(trigger) = case.on(event) else { return };
+    if !context.has_time || !case.is_due() {
+        return;
+    }
+    let most = usize::try_from(most(case)).unwrap_or(ROW_LIMIT).min(ROW_LIMIT);
+    let moment = FrameTime { time: context.now, frame: case.frames.last };
+    let Some(recent) = progress.recent(counted_object(event, trigger)) else { return };
+    recent.push_back(moment);
+    if recent.len() > most + 1 {
+        recent.pop_front();
+    }
+    let oldest = recent.front().copied().unwrap_or(moment);
+    let span = moment.time.saturating_sub(oldest.time).saturating_add(context.granularity);
+    #[expect(clippy::cast_precision_loss, reason = "a span of seconds")]
+    let is_within = span as f64 / 1e9 <= seconds;
+    if recent.len() <= most || !is_within {
+        return context.pass();
+    }
+    let (count, text) = (recent.len(), &case.rule.text);
+    let frames = FrameRange { first: oldest.frame, last: moment.frame };
+    let alarm = case.fail(event, context).frames(frames);
+    alarm.say(|| format!("{count} × within {seconds} s, at most {most}: {text}"));
+}

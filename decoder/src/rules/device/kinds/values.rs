@@ -1,0 +1,136 @@
+//! Values that the manual permits, and values that must rise from one object to the next.
+
+use crate::event::FrameRange;
+use crate::finding::About;
+use crate::profile::device::{RuleKind, TriggerEvent, UpdateSource, ValueUpdate};
+use crate::rules::Context;
+use crate::rules::device::case::RuleCase;
+use crate::rules::device::describe::show_event;
+use crate::rules::device::progress::RuleProgress;
+use crate::wire::canopen::ObjectAddress;
+
+/// Time after the last write of a row of objects until the row counts as complete, in nanoseconds.
+const WRITTEN: i64 = 1_000_000_000;
+
+/// Tolerance of limits, as a part of their span: manuals print them rounded.
+const ROUNDED: f64 = 0.001;
+
+/// The new value, if the rule is about its object.
+fn subject_value<'a>(case: &RuleCase<'_>, event: &TriggerEvent<'a>) -> Option<ValueUpdate<'a>> {
+    match event {
+        TriggerEvent::Value(value) if case.rule.subjects().any(|of| of.object == value.object) => {
+            Some(*value)
+        }
+        _ => None,
+    }
+}
+
+/// Values are inside the limits, from any source.
+pub(super) fn judge_limit(case: &RuleCase<'_>, event: &TriggerEvent<'_>, context: &mut Context<'_>) {
+    let Some(value) = subject_value(case, event) else { return };
+    let Some(raw) = value.raw.filter(|_| case.is_due()) else { return };
+    let special = value.meaning.and_then(|meaning| meaning.special.as_deref());
+    if special.is_some_and(|names| names.get(raw).is_some()) {
+        return;
+    }
+    #[expect(clippy::cast_precision_loss, reason = "compared with limits of few digits")]
+    let plain = raw as f64;
+    #[expect(clippy::cast_precision_loss, reason = "limits of few digits")]
+    let (number, [least, most], slack, unit) = match (case.rule.range, case.rule.limits, value.meaning) {
+        (Some([least, most]), _, _) => (plain, [least as f64, most as f64], 0.0, ""),
+        (None, Some(limits), Some(meaning)) if !meaning.assumed => {
+            let scaled = meaning.scaled(&meaning.number(raw)).unwrap_or(plain);
+            (scaled, limits, (limits[1] - limits[0]).abs() * ROUNDED, meaning.unit.as_str())
+        }
+        _ => return,
+    };
+    let beyond = (least - number).max(number - most);
+    if beyond <= slack {
+        return context.pass();
+    }
+    let (text, space) = (&case.rule.text, if unit.is_empty() { "" } else { " " });
+    let alarm = case.fail(event, context).measure(beyond);
+    alarm.say(|| format!("{}, permitted {least} to {most}{space}{unit}: {text}", show_event(event)));
+}
+
+/// Values to the device are permitted, or not forbidden.
+pub(super) fn judge_values(case: &RuleCase<'_>, event: &TriggerEvent<'_>, context: &mut Context<'_>) {
+    let Some(value) = subject_value(case, event).filter(|value| value.source.is_command()) else { return };
+    let Some(raw) = value.raw.filter(|_| case.is_due()) else { return };
+    let is_listed = case.rule.values.as_ref().is_some_and(|values| values.contains(raw));
+    let is_step = case.rule.step.is_some_and(|step| raw.checked_rem(i64::from(step)) == Some(0));
+    let is_wrong = if case.rule.kind == RuleKind::Forbidden { is_listed } else { !is_listed && !is_step };
+    if !is_wrong {
+        return context.pass();
+    }
+    let text = &case.rule.text;
+    case.fail(event, context).say(|| format!("{}: {text}", show_event(event)));
+}
+
+/// Values rise: judged when `on` occurs, else some time after the last write.
+pub(super) fn judge_ascent(
+    case: &RuleCase<'_>,
+    progress: &mut RuleProgress,
+    event: &TriggerEvent<'_>,
+    context: &mut Context<'_>,
+) {
+    if case.rule.on.0.is_empty() {
+        if subject_value(case, event).is_some_and(|value| value.source == UpdateSource::Written)
+            && context.has_time
+        {
+            let deadline = context.now.saturating_add(WRITTEN);
+            case.wait(progress, deadline, context);
+        }
+    } else if case.on(event).is_some() && case.is_due() {
+        match ascent(case) {
+            Ascent::Broken(object, text) => {
+                let alarm = case.fail(event, context).about(About::Object(object));
+                alarm.say(|| text);
+            }
+            Ascent::Rising => context.pass(),
+            Ascent::Unknown => {}
+        }
+    }
+}
+
+/// Some time has passed since the last write.
+pub(super) fn judge_written_row(case: &RuleCase<'_>, context: &mut Context<'_>) {
+    if !case.is_due() {
+        return;
+    }
+    match ascent(case) {
+        Ascent::Broken(object, text) => {
+            let frames = FrameRange::one(case.frames.last);
+            let alarm = context.fail_at(context.now, Some(case.facts.id), frames);
+            alarm.about(About::Object(object)).say(|| text);
+        }
+        Ascent::Rising => context.pass(),
+        Ascent::Unknown => {}
+    }
+}
+
+/// Whether values rise.
+enum Ascent {
+    Rising,
+    /// The first object that does not rise, and the text of its finding.
+    Broken(ObjectAddress, String),
+    /// No two neighbours were seen.
+    Unknown,
+}
+
+fn ascent(case: &RuleCase<'_>) -> Ascent {
+    let mut found = Ascent::Unknown;
+    for pair in case.rule.objects.windows(2) {
+        let [lower, upper] = pair else { continue };
+        let (lower, upper) = (lower.object, upper.object);
+        let (Some(low), Some(high)) = (case.scaled(lower), case.scaled(upper)) else { continue };
+        let rises = if case.rule.or_equal { low <= high } else { low < high };
+        if !rises {
+            let facts = &case.facts;
+            let text = format!("{}, {}: {}", facts.shown(lower), facts.shown(upper), case.rule.text);
+            return Ascent::Broken(upper, text);
+        }
+        found = Ascent::Rising;
+    }
+    found
+}

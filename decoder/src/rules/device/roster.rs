@@ -1,0 +1,108 @@
+//! The nodes of a bus whose devices have rules.
+
+use std::sync::Arc;
+
+use super::node::NodeRules;
+use super::node_judge::NodeJudge;
+use super::plan::RulePlan;
+use crate::event::{Event, EventKind};
+use crate::profile::Device;
+use crate::query::KindSet;
+use crate::rules::NodeMap;
+use crate::rules::ledger::Ledger;
+use crate::session::{Bus, Node};
+use crate::wire::NodeId;
+
+/// Whether an event may make another device of a node.
+pub(in crate::rules) fn may_attach(kind: &EventKind) -> bool {
+    matches!(kind, EventKind::NodeIdentified(_) | EventKind::NodeIdChange { .. } | EventKind::AddressClaim(_))
+}
+
+/// Names of the same kinds.
+const ATTACHING: [&str; 3] = ["node-identified", "node-id-change", "address-claim"];
+
+/// The nodes, with their rules.
+#[derive(Default)]
+pub(super) struct Roster {
+    pub(super) nodes: NodeMap<Box<NodeRules>>,
+    pub(super) ids: Vec<NodeId>,
+    /// Plans of their devices.
+    plans: Vec<Arc<RulePlan>>,
+}
+
+impl Roster {
+    /// Gives each node the rules of its present device.
+    pub(super) fn attach(&mut self, bus: &Bus, ledger: &mut Ledger) {
+        for id in NodeId::all() {
+            let device = bus.node(id).filter(|node| node.assigned().is_some()).map(Node::device);
+            let device = device.filter(|device| !device.rules.is_empty());
+            let is_same = match (self.nodes.get(id), device) {
+                (Some(own), Some(device)) => Arc::ptr_eq(&own.record.plan.device, device),
+                (None, None) => true,
+                _ => false,
+            };
+            if is_same {
+                continue;
+            }
+            self.nodes.remove(id);
+            if let Some(device) = device {
+                let plan = self.plan(device, ledger);
+                self.nodes.insert(id, Box::new(NodeRules::new(&plan)));
+            }
+        }
+        self.plans.retain(|plan| Arc::strong_count(plan) > 1);
+        self.ids = self.nodes.iter().map(|(id, _)| id).collect();
+    }
+
+    fn plan(&mut self, device: &Arc<Device>, ledger: &mut Ledger) -> Arc<RulePlan> {
+        if let Some(known) = self.plans.iter().find(|plan| Arc::ptr_eq(&plan.device, device)) {
+            return Arc::clone(known);
+        }
+        let plan = Arc::new(RulePlan::new(device, ledger));
+        self.plans.push(Arc::clone(&plan));
+        plan
+    }
+
+    /// Kinds of events the rules look at.
+    pub(super) fn kinds(&self) -> KindSet {
+        let attaching = KindSet::by_name(|name| ATTACHING.contains(&name));
+        self.nodes.iter().fold(attaching, |kinds, (id, own)| {
+            let (canopen, j1939) = own.record.plan.kinds;
+            kinds.or(if id.canopen().is_some() { canopen } else { j1939 })
+        })
+    }
+
+    /// Moves the state of rules along with a node that has another number, apart from times.
+    pub(super) fn move_node(&mut self, event: &Event) {
+        let (from, to) = match &event.kind {
+            EventKind::NodeIdChange { from: Some(from), to, .. } => {
+                (NodeId::Canopen(*from), NodeId::Canopen(*to))
+            }
+            EventKind::AddressClaim(claim) => match claim.from {
+                Some(from) => (NodeId::J1939(from), NodeId::J1939(claim.source)),
+                None => return,
+            },
+            _ => return,
+        };
+        if from != to
+            && to.is_valid()
+            && let Some(mut own) = self.nodes.remove(from)
+        {
+            own.reset();
+            self.nodes.insert(to, own);
+        }
+    }
+
+    /// Judges at one node.
+    #[inline]
+    pub(super) fn judge_at(&mut self, id: NodeId, bus: &Bus, task: impl FnOnce(&mut NodeJudge<'_>)) {
+        let (Some(node), Some(mut own)) = (bus.node(id), self.nodes.remove(id)) else { return };
+        task(&mut NodeJudge { bus, id, node, own: &mut own, others: &self.nodes });
+        self.nodes.insert(id, own);
+    }
+
+    /// Whether a node has rules about SYNC, or may be seen now for the first time.
+    pub(super) fn waits_for_sync(&self, id: NodeId) -> bool {
+        self.nodes.get(id).is_some_and(|own| !own.is_present || !own.record.plan.syncs.is_empty())
+    }
+}
