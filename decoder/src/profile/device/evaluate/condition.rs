@@ -89,7 +89,15 @@ impl Condition {
     pub(crate) fn object(&self) -> Option<ObjectAddress> {
         match self {
             Self::Object { object, .. } | Self::Inside { object, .. } => Some(object.object),
-            _ => None,
+            Self::Nmt(_)
+            | Self::State(_)
+            | Self::Sync
+            | Self::NoError
+            | Self::NoProcedure
+            | Self::Younger(_)
+            | Self::Invisible
+            | Self::Other(_)
+            | Self::Alone => None,
         }
     }
 

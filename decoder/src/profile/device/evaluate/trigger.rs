@@ -1,7 +1,7 @@
 //! Operators of triggers, and the events they are compared with.
 
 use super::condition::masked;
-use crate::profile::device::condition::{SetTrigger, Trigger, Wanted};
+use crate::profile::device::condition::{LssTrigger, SetTrigger, Trigger, Wanted};
 use crate::profile::layout::{Carrier, PdoName};
 use crate::profile::meaning::Meaning;
 use crate::profile::object::Numbers;
@@ -113,23 +113,24 @@ impl Trigger {
     }
 
     fn matches(&self, event: &TriggerEvent<'_>, attempts: bool) -> bool {
-        match (event, self) {
-            (TriggerEvent::Value(update), _) => self.matches_update(update, attempts),
-            (TriggerEvent::Pdo(name), Self::Pdo(wanted)) => name == wanted,
-            (TriggerEvent::Message(name), Self::Message(wanted)) => *name == wanted.name,
-            (TriggerEvent::Nmt(command), Self::Nmt(wanted)) => command == wanted,
-            (TriggerEvent::State(_, state), Self::State(wanted)) => wanted.iter().any(|it| it == state),
-            (TriggerEvent::Emcy(code), Self::Emcy(wanted)) => code == wanted,
-            (TriggerEvent::Dtc(spn, fmi), Self::Dtc(wanted)) => wanted.is_none_or(|it| it == (*spn, *fmi)),
-            (TriggerEvent::Sync, Self::Sync)
-            | (TriggerEvent::Boot, Self::Boot)
-            | (TriggerEvent::Guard, Self::Guard) => true,
-            (TriggerEvent::Lss(lss), Self::Lss(wanted)) => {
-                lss.service == wanted.service
-                    && lss.is_answer == wanted.answer
-                    && is_any_of(lss.value.map(i64::from), wanted.values.as_ref())
+        match self {
+            Self::Write(..) | Self::Read(..) | Self::Writes(_) | Self::Set(_) | Self::Bit(..) => {
+                matches!(event, TriggerEvent::Value(update) if self.matches_update(update, attempts))
             }
-            _ => false,
+            Self::Pdo(wanted) => matches!(event, TriggerEvent::Pdo(name) if name == wanted),
+            Self::Message(wanted) => matches!(event, TriggerEvent::Message(name) if *name == wanted.name),
+            Self::Nmt(wanted) => matches!(event, TriggerEvent::Nmt(command) if command == wanted),
+            Self::State(wanted) => {
+                matches!(event, TriggerEvent::State(_, state) if wanted.iter().any(|it| it == state))
+            }
+            Self::Emcy(wanted) => matches!(event, TriggerEvent::Emcy(code) if code == wanted),
+            Self::Dtc(wanted) => {
+                matches!(event, TriggerEvent::Dtc(spn, fmi) if wanted.is_none_or(|it| it == (*spn, *fmi)))
+            }
+            Self::Sync => matches!(event, TriggerEvent::Sync),
+            Self::Boot => matches!(event, TriggerEvent::Boot),
+            Self::Guard => matches!(event, TriggerEvent::Guard),
+            Self::Lss(wanted) => matches!(event, TriggerEvent::Lss(message) if is_service(message, wanted)),
         }
     }
 
@@ -155,12 +156,9 @@ impl Trigger {
                     && is_set(update, set)
             }
             Self::Bit(bit, becomes) => {
-                let is_as_wanted = |word: i64| word >> bit.bit & 1 == i64::from(*becomes);
-                let before = update.before.or(update.is_fresh.then_some(0));
                 update.object == bit.object.object
                     && !matches!(update.source, UpdateSource::Refused | UpdateSource::Read)
-                    && update.raw.is_some_and(is_as_wanted)
-                    && before.is_some_and(|before| !is_as_wanted(before))
+                    && is_change_of_bit(update, bit.bit, *becomes)
             }
             _ => false,
         }
@@ -182,8 +180,17 @@ fn is_set(update: &ValueUpdate<'_>, set: &SetTrigger) -> bool {
     is_meant && (!set.changed || update.before.is_some_and(|before| through(before) != raw))
 }
 
-fn is_any_of(value: Option<i64>, wanted: Option<&Numbers>) -> bool {
-    wanted.is_none_or(|wanted| value.is_some_and(|value| wanted.contains(value)))
+fn is_change_of_bit(update: &ValueUpdate<'_>, bit: u8, becomes: bool) -> bool {
+    let is_as_wanted = |word: i64| word >> bit & 1 == i64::from(becomes);
+    let before = update.before.or(update.is_fresh.then_some(0));
+    update.raw.is_some_and(is_as_wanted) && before.is_some_and(|before| !is_as_wanted(before))
+}
+
+fn is_service(message: &LssEvent<'_>, wanted: &LssTrigger) -> bool {
+    let is_value = |values: &Numbers| message.value.is_some_and(|value| values.contains(i64::from(value)));
+    message.service == wanted.service
+        && message.is_answer == wanted.answer
+        && wanted.values.as_ref().is_none_or(is_value)
 }
 
 #[cfg(test)]
