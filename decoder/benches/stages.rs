@@ -28,6 +28,7 @@ use cobscope_decoder::frame::Frame;
 use cobscope_decoder::profile::{Catalogue, ProfileError};
 use cobscope_decoder::rules::{Engine as Judging, Judge};
 use cobscope_decoder::session::{AssignedBy, Assignment, Bus, Observer, SessionOptions};
+use cobscope_decoder::sink::EventSink as _;
 use cobscope_decoder::sink::jsonl::Jsonl;
 use cobscope_decoder::sink::text::{Text, TextOptions};
 use machine::devices::{DEVICES, Devices};

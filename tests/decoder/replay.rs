@@ -8,6 +8,7 @@ use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::replay::{Index, MOST_MARKS, Mark, Spot, Told, World};
 use cobscope_decoder::session::{Bus, SessionOptions};
+use cobscope_decoder::sink::EventSink as _;
 use cobscope_decoder::sink::jsonl::Jsonl;
 
 /// All fixture captures one behind the other: every service, times that go back, silences.

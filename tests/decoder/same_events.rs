@@ -8,6 +8,7 @@ use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::{Event, EventKind, Protocol};
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags};
 use cobscope_decoder::session::{Bus, SessionOptions};
+use cobscope_decoder::sink::EventSink as _;
 use cobscope_decoder::sink::jsonl::Jsonl;
 
 use crate::support::workspace;

@@ -14,6 +14,7 @@ use cobscope_decoder::profile::Catalogue;
 use cobscope_decoder::query::KindSet;
 use cobscope_decoder::query::fields::{Field, FieldType, table};
 use cobscope_decoder::session::{Bus, SessionOptions};
+use cobscope_decoder::sink::EventSink as _;
 use cobscope_decoder::sink::jsonl::Jsonl;
 use regex_lite::Regex;
 use serde_json::{Map, Value, json};
@@ -229,7 +230,9 @@ fn lines(bytes: &[u8], options: SessionOptions) -> String {
     let mut batch = Batch::new();
     let mut output = Vec::new();
     let mut sink = Jsonl::new(&mut output);
-    let mut observer = |event: &Event, bus: &Bus| sink.write(event, bus);
+    let mut observer = |event: &Event, bus: &Bus| {
+        sink.write(event, bus);
+    };
     while reader.read(&mut batch).unwrap() {
         for item in batch.items() {
             match item {
@@ -261,7 +264,7 @@ fn all_lines() -> String {
     }
     let (mut output, bus) = (Vec::new(), sample_events::bus());
     let mut sink = Jsonl::new(&mut output);
-    sink.set_capture(Some("a.log".into()));
+    sink.begin_capture("a.log");
     for event in &sample_events::all() {
         sink.write(event, &bus);
     }

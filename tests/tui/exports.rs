@@ -3,9 +3,12 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+use cobscope_decoder::sink::EVENT_FORMATS;
 
 use crate::cli::{Output, run};
+use crate::screens::Screen;
 
 const SYDFEC: [&str; 3] = ["--node", "2=rexroth-sydfec", "fixtures/devices/sydfec.log"];
 const PVE: [&str; 3] = ["--node", "sa:0x80=danfoss-pve-ci", "fixtures/devices/pve_j1939.log"];
@@ -148,6 +151,42 @@ fn a_capture_without_values_is_a_header() {
     assert_eq!(text, "time,bus,frame\r\n");
 }
 
+/// Writes all events of a capture from the terminal UI: its screen then.
+fn exported(path: &Path) -> String {
+    let mut screen = Screen::open(&format!("cobscope view {}", SYDFEC.join(" ")), 300, 30);
+    screen.keys(&format!("vw<ctrl-u>{}<enter>", path.display()));
+    screen.text()
+}
+
+/// `decode -f` and the UI offer the same formats, and write the same.
+#[test]
+fn the_terminal_ui_exports_in_every_format() {
+    let folder = folder("view");
+    for format in EVENT_FORMATS {
+        let path = folder.join(format!("run.{}", format.suffix));
+        let screen = exported(&path);
+        assert!(screen.contains("events written"), "{}: {screen}", format.name);
+        if format.name == "parquet" {
+            assert!(!path.exists() && folder.join("run.events.parquet").exists());
+            assert!(folder.join("run.signals.parquet").exists());
+            let again = exported(&path);
+            assert!(again.contains("run.events.parquet is there already"), "{again}");
+            continue;
+        }
+        let decoded = folder.join(format.name);
+        let options =
+            ["decode", "--no-findings", "--all", "--frames", "--pdo", "all", "-f", format.name, "-o"];
+        ok(&[&options[..], &[decoded.to_str().unwrap()], &SYDFEC].concat(), "");
+        let (ui, decode) = (fs::read(&path).unwrap(), fs::read(&decoded).unwrap());
+        // What is attached and described differs in MCAP.
+        if format.name == "mcap" {
+            assert!(ui.starts_with(b"\x89MCAP") && ui.ends_with(b"MCAP0\r\n"), "{}", ui.len());
+        } else {
+            assert_eq!(String::from_utf8(ui).unwrap(), String::from_utf8(decode).unwrap(), "{}", format.name);
+        }
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn a_full_disk_is_said() {
@@ -159,7 +198,6 @@ fn a_full_disk_is_said() {
 #[cfg(feature = "parquet")]
 mod parquet {
     use std::io::{BufRead as _, BufReader, Write as _};
-    use std::path::Path;
     use std::process::{Command, Stdio};
 
     use super::*;

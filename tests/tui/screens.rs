@@ -34,14 +34,14 @@ const LEAST_SELECTED: usize = 10;
 const LARGEST: u64 = 60_000;
 
 /// The application on a screen of a size.
-struct Screen {
+pub struct Screen {
     app: App,
     news: Receiver<News>,
     terminal: Terminal<TestBackend>,
 }
 
 impl Screen {
-    fn open(command: &str, width: u16, height: u16) -> Self {
+    pub fn open(command: &str, width: u16, height: u16) -> Self {
         let words = shell_words(command.strip_prefix("cobscope ").unwrap());
         let (mut app, news) = cobscope::open_view(&words).unwrap();
         app.resize(width, height);
@@ -64,7 +64,7 @@ impl Screen {
         }
     }
 
-    fn keys(&mut self, keys: &str) {
+    pub fn keys(&mut self, keys: &str) {
         for key in cobscope::keymap::sequence(keys).unwrap() {
             self.app.key(key);
             self.settle();
@@ -85,7 +85,7 @@ impl Screen {
         self.settle();
     }
 
-    fn text(&mut self) -> String {
+    pub fn text(&mut self) -> String {
         self.terminal.draw(|frame| self.app.draw(frame.area(), frame.buffer_mut())).unwrap();
         let buffer = self.terminal.backend().buffer();
         let mut text = String::new();

@@ -7,8 +7,9 @@
 
 use std::io::{self, Write};
 
-use super::push_escaped;
+use super::escape::push_escaped;
 use super::values::{self, Groups, Named};
+use super::{EventContent, EventFormat, EventSink};
 use crate::ascii::push_seconds;
 use crate::event::Event;
 use crate::frame::Timestamp;
@@ -18,8 +19,18 @@ use crate::session::Bus;
 /// First line.
 const HEADER: &str = "time,bus,frame,node,device,group,signal,id,value,unit,label,raw\r\n";
 
+pub(super) const FORMAT: EventFormat = EventFormat {
+    name: "csv",
+    suffix: "values.csv",
+    title: "values as CSV",
+    help: "The values of PDOs and messages: a line a value, with units",
+    content: EventContent::Values,
+    is_binary: false,
+    sink: |files, _| Ok(Box::new(Csv::new(files.whole()?))),
+};
+
 /// Writes values as CSV, long. The first write error is kept and ends all writing.
-pub struct Csv<W> {
+struct Csv<W> {
     output: W,
     groups: Groups<Named>,
     line: Vec<u8>,
@@ -28,8 +39,7 @@ pub struct Csv<W> {
 }
 
 impl<W: Write> Csv<W> {
-    /// Writes to `output`, which should be buffered.
-    pub fn new(output: W) -> Self {
+    fn new(output: W) -> Self {
         Self {
             output,
             groups: Groups::default(),
@@ -39,13 +49,8 @@ impl<W: Write> Csv<W> {
         }
     }
 
-    /// The next capture begins: its buses have names of their own.
-    pub fn begin_capture(&mut self) {
-        self.groups = Groups::default();
-    }
-
     /// Writes the values of an event, if it has any.
-    pub fn write(&mut self, event: &Event, bus: &Bus) {
+    fn values(&mut self, event: &Event, bus: &Bus) {
         let Some(carried) = values::carried(event).filter(|_| self.error.is_none()) else { return };
         self.begin();
         let Some(named) = self.groups.of(&carried, || Named::of(&carried, bus)) else { return };
@@ -82,12 +87,23 @@ impl<W: Write> Csv<W> {
             self.error = self.output.write_all(HEADER.as_bytes()).err();
         }
     }
+}
 
-    /// Flushes; gives the first error of all writing.
-    ///
-    /// # Errors
-    /// When anything could not be written.
-    pub fn finish(&mut self) -> io::Result<()> {
+impl<W: Write> EventSink for Csv<W> {
+    fn begin_capture(&mut self, _name: &str) {
+        self.groups = Groups::default();
+    }
+
+    fn write(&mut self, event: &Event, bus: &Bus) -> bool {
+        self.values(event, bus);
+        true
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.finish()
+    }
+
+    fn finish(&mut self) -> io::Result<()> {
         self.begin();
         match self.error.take() {
             Some(error) => Err(error),
@@ -95,8 +111,7 @@ impl<W: Write> Csv<W> {
         }
     }
 
-    /// Whether writing failed, so that more work is in vain.
-    pub fn has_failed(&self) -> bool {
+    fn has_failed(&self) -> bool {
         self.error.is_some()
     }
 }

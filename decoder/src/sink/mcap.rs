@@ -17,7 +17,7 @@ use serde_json::json;
 use super::jsonl::object::Object;
 use super::text::{Line, Tone};
 use super::values::{self, Group};
-use super::{escape, jsonl};
+use super::{EventContent, EventFormat, EventSink, escape, jsonl};
 use crate::capture::{FrameWriter as _, McapWriter, Notice, Packing, Topic};
 use crate::event::{Event, EventKind};
 use crate::finding::Severity;
@@ -31,8 +31,18 @@ const INFO: u8 = 2;
 const WARNING: u8 = 3;
 const ERROR: u8 = 4;
 
+pub(super) const FORMAT: EventFormat = EventFormat {
+    name: "mcap",
+    suffix: "events.mcap",
+    title: "events as MCAP",
+    help: "Frames, values, events and log lines for Foxglove and PlotJuggler; wants -o",
+    content: EventContent::Capture,
+    is_binary: true,
+    sink: |files, options| Ok(Box::new(Mcap::new(files.whole()?, options.packing))),
+};
+
 /// Writes frames and events as MCAP. The first write error is kept and ends all writing.
-pub struct Mcap<W: Write + Send> {
+struct Mcap<W: Write + Send> {
     file: McapWriter<W>,
     groups: HashMap<Group, Values>,
     /// By topic.
@@ -54,8 +64,7 @@ struct Values {
 }
 
 impl<W: Write + Send> Mcap<W> {
-    /// Writes to `output`, which should be buffered.
-    pub fn new(output: W, packing: Packing) -> Self {
+    fn new(output: W, packing: Packing) -> Self {
         Self {
             file: McapWriter::new(output, packing),
             groups: HashMap::new(),
@@ -67,40 +76,8 @@ impl<W: Write + Send> Mcap<W> {
         }
     }
 
-    /// Puts a file of the user beside the messages: the bus file, a database.
-    pub fn attach(&mut self, name: &str, media_type: &str, bytes: &[u8]) {
-        let written = self.file.attach(name, media_type, bytes);
-        self.keep(written);
-    }
-
-    /// Writes a table of what is to be known of the whole file.
-    pub fn describe(&mut self, name: &str, values: BTreeMap<String, String>) {
-        let written = self.file.metadata(name, values);
-        self.keep(written);
-    }
-
-    /// Writes a frame; its events come behind it.
-    pub fn frame(&mut self, frame: &Frame, bus: &str) {
-        if self.error.is_none() {
-            let written = self.file.write(frame, bus);
-            self.keep(written);
-        }
-    }
-
-    /// Writes what else the recorder knew.
-    pub fn notice(&mut self, notice: &Notice, bus: &str) {
-        if self.error.is_none() {
-            let written = self.file.notice(notice, bus).map(|_| ());
-            self.keep(written);
-        }
-    }
-
-    /// Writes an event.
-    pub fn write(&mut self, event: &Event, bus: &Bus) {
-        if self.error.is_some() {
-            return;
-        }
-        let written = match values::carried(event) {
+    fn event(&mut self, event: &Event, bus: &Bus) -> io::Result<()> {
+        match values::carried(event) {
             // How a transfer went is an event besides what it brought.
             Some(carried) if matches!(event.kind, EventKind::J1939Transfer(_)) => self
                 .values(event, bus, &carried)
@@ -115,8 +92,7 @@ impl<W: Write + Send> Mcap<W> {
                 Ok(())
             }
             None => self.record(event, bus).and_then(|()| self.log(event, bus)),
-        };
-        self.keep(written);
+        }
     }
 
     fn values(&mut self, event: &Event, bus: &Bus, carried: &values::Carried<'_>) -> io::Result<()> {
@@ -211,25 +187,56 @@ impl<W: Write + Send> Mcap<W> {
         self.file.log(event.time, level, &escape(&line.who), &what)
     }
 
-    /// Ends the present chunk: a reader of the file so far finds all until here.
-    pub fn flush(&mut self) {
-        if self.error.is_none() {
-            let written = self.file.flush();
-            self.keep(written);
-        }
-    }
-
     fn keep(&mut self, written: io::Result<()>) {
         if let Err(error) = written {
             self.error.get_or_insert(error);
         }
     }
+}
 
-    /// Ends the file; gives the first error of all writing.
-    ///
-    /// # Errors
-    /// When anything could not be written.
-    pub fn finish(&mut self) -> io::Result<()> {
+impl<W: Write + Send> EventSink for Mcap<W> {
+    fn write(&mut self, event: &Event, bus: &Bus) -> bool {
+        if self.error.is_none() {
+            let written = self.event(event, bus);
+            self.keep(written);
+        }
+        true
+    }
+
+    fn frame(&mut self, frame: &Frame, bus: &str) {
+        if self.error.is_none() {
+            let written = self.file.write(frame, bus);
+            self.keep(written);
+        }
+    }
+
+    fn notice(&mut self, notice: &Notice, bus: &str) {
+        if self.error.is_none() {
+            let written = self.file.notice(notice, bus).map(|_| ());
+            self.keep(written);
+        }
+    }
+
+    fn attach(&mut self, name: &str, media_type: &str, bytes: &[u8]) {
+        let written = self.file.attach(name, media_type, bytes);
+        self.keep(written);
+    }
+
+    fn describe(&mut self, name: &str, values: BTreeMap<String, String>) {
+        let written = self.file.metadata(name, values);
+        self.keep(written);
+    }
+
+    /// Ends the present chunk: a reader of the file so far finds all until here. What fails is kept.
+    fn flush(&mut self) -> io::Result<()> {
+        if self.error.is_none() {
+            let written = self.file.flush();
+            self.keep(written);
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self) -> io::Result<()> {
         if self.error.is_none() && !self.devices.is_empty() {
             let devices = std::mem::take(&mut self.devices);
             self.describe("cobscope.devices", devices);
@@ -242,8 +249,7 @@ impl<W: Write + Send> Mcap<W> {
         }
     }
 
-    /// Whether writing failed, so that more work is in vain.
-    pub fn has_failed(&self) -> bool {
+    fn has_failed(&self) -> bool {
         self.error.is_some()
     }
 }

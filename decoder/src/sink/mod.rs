@@ -1,61 +1,50 @@
 //! Events to bytes, one format a file.
 
-pub mod csv;
-pub mod csv_wide;
+mod csv;
+mod csv_wide;
+mod escape;
+mod event_sink;
 pub mod findings;
 pub mod jsonl;
 #[cfg(feature = "mcap")]
-pub mod mcap;
+mod mcap;
+mod options;
 #[cfg(feature = "parquet")]
-pub mod parquet;
+mod parquet;
 pub mod table;
 pub mod text;
 mod values;
 
-/// `text` with control characters, and those that turn the direction of writing, shown as `\u{1b}`, so that
-/// nothing from a capture steers a terminal.
-pub fn escape(text: &str) -> std::borrow::Cow<'_, str> {
-    if !is_plain(text.as_bytes()) && text.chars().any(steers) {
-        text.chars()
-            .map(|c| if steers(c) { c.escape_default().to_string() } else { c.to_string() })
-            .collect::<String>()
-            .into()
-    } else {
-        text.into()
-    }
-}
+pub use escape::escape;
+pub use event_sink::{EventContent, EventFormat, EventSink, Output, OutputFiles, SinkConstructor, SpoolFile};
+pub use options::SinkOptions;
 
-/// Appends text escaped; bytes that are no UTF-8 are replaced.
-fn push_escaped(out: &mut Vec<u8>, text: &[u8]) {
-    if is_plain(text) {
-        out.extend_from_slice(text);
-    } else {
-        out.extend_from_slice(escape(&String::from_utf8_lossy(text)).as_bytes());
-    }
-}
-
-/// Control characters, and the marks that reorder text (Unicode's bidirectional formatting).
-fn steers(c: char) -> bool {
-    c.is_control() || matches!(c, '\u{200E}' | '\u{200F}' | '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}')
-}
-
-/// Surely without characters that steer: none of ASCII, and not the first bytes of those beyond it.
-fn is_plain(text: &[u8]) -> bool {
-    let special = |byte: u8| u8::from(byte < b' ') | u8::from(matches!(byte, 0x7F | 0xC2 | 0xE2));
-    text.iter().fold(0, |found, byte| found | special(*byte)) == 0
-}
+/// All formats of events.
+pub const EVENT_FORMATS: &[EventFormat] = &[
+    text::FORMAT,
+    jsonl::FORMAT,
+    csv::FORMAT,
+    csv_wide::FORMAT,
+    #[cfg(feature = "mcap")]
+    mcap::FORMAT,
+    #[cfg(feature = "parquet")]
+    parquet::FORMAT,
+];
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::capture::WRITABLE;
 
     #[test]
-    fn control_characters_are_shown_not_sent() {
-        assert_eq!(escape("→ é 5 °C"), "→ é 5 °C");
-        assert_eq!(escape("a\u{202e}b – c"), "a\\u{202e}b – c");
-        assert_eq!(escape("\x1b[2J\u{9b}2J\x7f"), "\\u{1b}[2J\\u{9b}2J\\u{7f}");
-        let mut out = Vec::new();
-        push_escaped(&mut out, b"a\tb \xC2\x9B \xC2\xB0");
-        assert_eq!(String::from_utf8(out).unwrap(), "a\\tb \\u{9b} °");
+    fn names_and_suffixes_are_of_one_format() {
+        let of_frames = WRITABLE.iter().map(|format| (format.suffix, ""));
+        let mut suffixes: Vec<_> =
+            EVENT_FORMATS.iter().map(|format| (format.suffix, format.name)).chain(of_frames).collect();
+        suffixes.sort_unstable();
+        assert!(suffixes.is_sorted_by(|one, next| one.0 < next.0), "{suffixes:?}");
+        let mut names: Vec<_> = EVENT_FORMATS.iter().map(|format| format.name).collect();
+        names.sort_unstable();
+        assert!(names.is_sorted_by(|one, next| one < next), "{names:?}");
     }
 }

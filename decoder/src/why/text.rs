@@ -10,8 +10,8 @@ use super::{Report, Suggestion};
 use crate::event::{Certainty, Effective, Event, SetPoint};
 use crate::frame::{BusIndex, Timestamp};
 use crate::session::{Bus, Buses, GateState, GateStatus};
-use crate::sink::escape;
 use crate::sink::text::{PdoLines, Text, TextOptions};
+use crate::sink::{EventSink as _, escape};
 use crate::wire::NodeId;
 
 /// What the text needs besides the answer.
@@ -148,7 +148,7 @@ impl Page<'_> {
             let mut line = Vec::new();
             let options = TextOptions { all: true, pdo: PdoLines::All, ..TextOptions::default() };
             let mut text = Text::new(&mut line, options);
-            text.see(self.setting.first);
+            text.observe_time(self.setting.first);
             text.write(event, bus);
             drop(text);
             let line = String::from_utf8_lossy(&line).into_owned();

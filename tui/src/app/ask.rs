@@ -149,11 +149,9 @@ fn check(asking: Asking, text: &str) -> Result<(), (usize, String)> {
         },
         Asking::Search => pattern(text).map(|_| ()).map_err(|error| (0, error)),
         Asking::Export => {
-            let suffix = text.rsplit_once('.').map_or("", |(_, suffix)| suffix);
-            let is_known = Export::suffixes().any(|(known, _)| known == suffix);
             let known: Vec<_> =
                 Export::suffixes().map(|(known, title)| format!(".{known} {title}")).collect();
-            if is_known { Ok(()) } else { Err((text.len(), known.join(", "))) }
+            if Export::has_format(text.as_ref()) { Ok(()) } else { Err((text.len(), known.join(", "))) }
         }
         Asking::GoTo => {
             let expected =

@@ -3,8 +3,10 @@
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use cobscope_decoder::finding::Severity;
+use cobscope_decoder::sink::findings::{FINDING_FORMATS, FindingFormat};
 
 use super::{Color, InputArgs};
 
@@ -14,8 +16,8 @@ pub struct CheckArgs {
     #[command(flatten)]
     pub input: InputArgs,
     /// Output format
-    #[arg(short, long, value_name = "FORMAT", default_value = "text")]
-    pub format: FindingFormat,
+    #[arg(short, long, value_name = "FORMAT", default_value = "text", value_parser = formats())]
+    pub format: &'static FindingFormat,
     /// Write to FILE instead of standard output
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
@@ -53,19 +55,12 @@ pub struct CheckArgs {
     pub color: Color,
 }
 
-/// Formats of findings.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum FindingFormat {
-    /// Lines and a table for people
-    Text,
-    /// One JSON object a finding and a capture, and a total (docs/check.schema.json)
-    Jsonl,
-    /// JUnit XML: a suite a capture, a case a rule
-    Junit,
-    /// SARIF 2.1.0 for code scanning
-    Sarif,
-    /// Commands of GitHub Actions: notes beside the lines of captures
-    Github,
+/// The formats of findings.
+fn formats() -> impl TypedValueParser<Value = &'static FindingFormat> {
+    let names = FINDING_FORMATS.iter().map(|format| PossibleValue::new(format.name).help(format.help));
+    // Other names are refused before.
+    PossibleValuesParser::new(names)
+        .try_map(|name| FINDING_FORMATS.iter().find(|format| format.name == name).ok_or("unknown format"))
 }
 
 /// Findings that make `check` and `live` fail.

@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
+use cobscope_decoder::sink::{EVENT_FORMATS, EventFormat};
 
 use super::{Color, InputArgs, SelectArgs};
 
@@ -21,8 +23,8 @@ pub struct DecodeArgs {
 #[derive(Debug, Args)]
 pub struct PrintArgs {
     /// Output format
-    #[arg(short, long, value_name = "FORMAT", default_value = "text")]
-    pub format: Format,
+    #[arg(short, long, value_name = "FORMAT", default_value = "text", value_parser = formats())]
+    pub format: PrintFormat,
     /// Write to FILE instead of standard output
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
@@ -53,35 +55,16 @@ pub struct PrintArgs {
     pub color: Color,
 }
 
-/// Output formats of `decode`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Format {
-    /// Lines for people
-    Text,
-    /// One JSON object a line
-    Jsonl,
-    /// The values of PDOs and messages: a line a value, with units
-    Csv,
-    /// The same values: a line an event, a column a signal
-    CsvWide,
-    /// Frames, values, events and log lines for Foxglove and PlotJuggler; wants -o
-    #[cfg(feature = "mcap")]
-    Mcap,
-    /// Events and values for DuckDB, Polars and Spark, as two files NAME.events.parquet and NAME.signals.parquet; wants -o NAME
-    #[cfg(feature = "parquet")]
-    Parquet,
-    /// Nothing: reads and decodes only
-    None,
-}
+/// Format of the events printed; `None` prints nothing.
+#[derive(Debug, Clone, Copy)]
+pub struct PrintFormat(pub Option<&'static EventFormat>);
 
-impl Format {
-    /// Whether it is not for a terminal.
-    pub fn is_binary(self) -> bool {
-        #[cfg(feature = "mcap")]
-        return self == Self::Mcap;
-        #[cfg(not(feature = "mcap"))]
-        false
-    }
+/// The formats of events, and `none`.
+fn formats() -> impl TypedValueParser<Value = PrintFormat> {
+    let formats = EVENT_FORMATS.iter().map(|format| PossibleValue::new(format.name).help(format.help));
+    let none = PossibleValue::new("none").help("Nothing: reads and decodes only");
+    PossibleValuesParser::new(formats.chain([none]))
+        .map(|name| PrintFormat(EVENT_FORMATS.iter().find(|format| format.name == name)))
 }
 
 /// How chunks of MCAP are packed.

@@ -20,9 +20,9 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 
-pub use check::{CheckArgs, FailOn, FindingFormat};
+pub use check::{CheckArgs, FailOn};
 pub use convert::ConvertArgs;
-pub use decode::{DecodeArgs, Format, Packing, Pdo, PrintArgs, TimeColumn};
+pub use decode::{DecodeArgs, Packing, Pdo, PrintArgs, TimeColumn};
 pub use input::{FileArg, InputArgs, NodeArg, Protocol, SelectArgs, StampStyle};
 use input::{Otherwise, filter_help};
 pub use live::LiveArgs;

@@ -5,12 +5,13 @@ use std::io::{self, BufWriter, ErrorKind, IsTerminal as _, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, ensure};
-use cobscope_decoder::sink::escape;
+use cobscope_decoder::sink::{EventFormat, Output, OutputFiles, SpoolFile, escape};
 
 use super::input::files_named;
 use super::messages::complain;
 use crate::cli::{Color, InputArgs};
 use crate::exit_code::Exit;
+use crate::record::format::part_of;
 
 /// Bytes gathered before they are written.
 const BUFFER: usize = 64 * 1024;
@@ -68,7 +69,7 @@ fn is_same(one: &Path, other: &Path) -> bool {
 pub(super) fn output<'a>(
     path: Option<&Path>,
     read: impl IntoIterator<Item = &'a PathBuf>,
-) -> anyhow::Result<Box<dyn Write + Send>> {
+) -> anyhow::Result<Output> {
     Ok(match path {
         Some(path) => {
             ensure_not_read(path, read)?;
@@ -92,6 +93,66 @@ pub(super) fn is_colored(color: Color, is_file: bool) -> bool {
             wanted && !is_file && io::stdout().is_terminal()
         }
     }
+}
+
+/// The files of one format of events.
+pub(super) struct SinkFiles<'a> {
+    format: &'static EventFormat,
+    to: Option<&'a Path>,
+    read: &'a [PathBuf],
+    parts: Vec<PathBuf>,
+}
+
+impl<'a> SinkFiles<'a> {
+    /// Files named after `to`, none of which may be one of those `read`.
+    pub(super) fn new(format: &'static EventFormat, to: Option<&'a Path>, read: &'a [PathBuf]) -> Self {
+        Self { format, to, read, parts: Vec::new() }
+    }
+
+    /// Names the files, where there are several.
+    pub(super) fn report_parts(&self) {
+        let names: Vec<_> = self.parts.iter().map(|path| path.display().to_string()).collect();
+        if !names.is_empty() {
+            let _ = writeln!(io::stderr(), "cobscope: writing {}", names.join(" and "));
+        }
+    }
+
+    fn open_whole(&self) -> anyhow::Result<Output> {
+        ensure!(
+            !self.format.is_binary || self.to.is_some() || !io::stdout().is_terminal(),
+            "this format is not for a terminal; give a file with -o"
+        );
+        output(self.to, self.read)
+    }
+
+    fn open_part(&mut self, content: &str) -> anyhow::Result<Output> {
+        let to = self.to.context("this format is two files; name them with -o NAME")?;
+        let path = part_of(to, content, self.format.suffix)
+            .with_context(|| format!("{}: names no file", to.display()))?;
+        let output = output(Some(&path), self.read)?;
+        self.parts.push(path);
+        Ok(output)
+    }
+}
+
+impl OutputFiles for SinkFiles<'_> {
+    fn whole(&mut self) -> io::Result<Output> {
+        self.open_whole().map_err(in_one)
+    }
+
+    fn part(&mut self, content: &str) -> io::Result<Output> {
+        self.open_part(content).map_err(in_one)
+    }
+
+    fn spool(&mut self) -> io::Result<Box<dyn SpoolFile>> {
+        let spool = tempfile::tempfile().context("no temporary file can be made").map_err(in_one)?;
+        Ok(Box::new(spool))
+    }
+}
+
+/// An error with all its context in one text, for an interface that knows no context.
+fn in_one(error: anyhow::Error) -> io::Error {
+    io::Error::other(format!("{error:#}"))
 }
 
 /// Writes a whole text to standard output; [`Exit::Clean`], or what failing brings.

@@ -1,40 +1,26 @@
 //! Events on their way to lines: judged, chosen, printed.
 
-use std::fs::File;
-use std::io::{IsTerminal as _, Write};
-#[cfg(feature = "parquet")]
-use std::path::Path;
+use std::io::{IsTerminal as _, Write as _};
 use std::path::PathBuf;
 use std::sync::Arc;
-#[cfg(feature = "mcap")]
 use std::time::{Duration, Instant};
 
-use anyhow::{Context as _, ensure};
 use cobscope_decoder::capture::{BusNames, Notice};
 use cobscope_decoder::event::{Event, EventKind};
-#[cfg(feature = "mcap")]
-use cobscope_decoder::frame::BusIndex;
-use cobscope_decoder::frame::{Frame, Timestamp};
+use cobscope_decoder::frame::{BusIndex, Frame, Timestamp};
 use cobscope_decoder::rules::{Engine, Judge, Setup};
 use cobscope_decoder::session::{Bus, Buses, Observer};
-use cobscope_decoder::sink::csv::Csv;
-use cobscope_decoder::sink::csv_wide::{CsvWide, MOST_COLUMNS};
-use cobscope_decoder::sink::jsonl::Jsonl;
-#[cfg(feature = "mcap")]
-use cobscope_decoder::sink::mcap::Mcap;
-#[cfg(feature = "parquet")]
-use cobscope_decoder::sink::parquet::Parquet;
-use cobscope_decoder::sink::text::{self, PdoLines, Text, TextOptions};
+use cobscope_decoder::sink::text::{self, PdoLines, TextOptions};
+use cobscope_decoder::sink::{EventContent, EventFormat, EventSink, SinkOptions};
 
 use super::decoding::Watcher;
-use super::output::is_colored;
-use super::output::output;
-use crate::cli::{Format, InputArgs, Pdo, PrintArgs, SelectArgs, TimeColumn};
+use super::output::{SinkFiles, is_colored};
+use crate::cli::{InputArgs, Pdo, PrintArgs, SelectArgs, TimeColumn};
 use crate::select::Selection;
 
 /// What judges, where somebody reads it.
 pub(super) fn engine(arguments: &PrintArgs, setup: &Arc<Setup>) -> Option<Engine> {
-    let is_wanted = !arguments.no_findings && arguments.format != Format::None;
+    let is_wanted = !arguments.no_findings && arguments.format.0.is_some();
     is_wanted.then(|| Engine::new(Arc::clone(setup)))
 }
 
@@ -95,14 +81,26 @@ impl Watcher for Judging<'_> {
 
 /// Prints events in the format asked for.
 pub(super) struct Printer {
-    sink: Sink,
+    /// None reads and decodes only.
+    output: Option<OpenSink>,
     selection: Selection,
-    pdo: Pdo,
-    frames: bool,
+    choice: Choice,
     on_terminal: bool,
     shown: Shown,
-    #[cfg(feature = "mcap")]
+}
+
+/// A sink with its format.
+struct OpenSink {
+    format: &'static EventFormat,
+    sink: Box<dyn EventSink + Send>,
+    /// Time of the last flush of a binary format.
     flushed: Instant,
+}
+
+/// Which events are printed in a format that does not choose itself.
+struct Choice {
+    pdo: Pdo,
+    frames: bool,
 }
 
 /// What became of the events that were selected.
@@ -143,182 +141,11 @@ impl Shown {
     }
 }
 
-/// Where bytes go.
-type Output = Box<dyn Write + Send>;
-
-enum Sink {
-    Text(Text<Output>),
-    Jsonl(Jsonl<Output>),
-    Csv(Csv<Output>),
-    CsvWide(Box<CsvWide<Output, File>>),
-    #[cfg(feature = "mcap")]
-    Mcap(Box<Mcap<Output>>),
-    #[cfg(feature = "parquet")]
-    Parquet(Box<Parquet<Output>>),
-    None,
-}
-
-/// Time between flushes of a format whose pieces are worth more when they are large.
-#[cfg(feature = "mcap")]
+/// Time between flushes of a binary format, whose pieces compress better when they are large.
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
 
-impl Printer {
-    /// Opens what is written, which must not be one of the files `read`.
-    pub(super) fn new(arguments: &PrintArgs, select: &SelectArgs, read: &[PathBuf]) -> anyhow::Result<Self> {
-        let default_pdo = if arguments.format == Format::Text { Pdo::Change } else { Pdo::All };
-        let pdo = arguments.pdo.unwrap_or(default_pdo);
-        let to = arguments.output.as_deref();
-        ensure!(
-            !arguments.format.is_binary() || to.is_some() || !std::io::stdout().is_terminal(),
-            "this format is not for a terminal; give a file with -o"
-        );
-        let sink = match arguments.format {
-            Format::None => Sink::None,
-            Format::Text => Sink::Text(Text::new(output(to, read)?, text_options(arguments, pdo))),
-            Format::Jsonl => Sink::Jsonl(Jsonl::new(output(to, read)?)),
-            Format::Csv => Sink::Csv(Csv::new(output(to, read)?)),
-            Format::CsvWide => {
-                let spool = tempfile::tempfile().context("no temporary file can be made")?;
-                Sink::CsvWide(Box::new(CsvWide::new(output(to, read)?, spool)))
-            }
-            #[cfg(feature = "mcap")]
-            Format::Mcap => Sink::Mcap(Box::new(Mcap::new(output(to, read)?, arguments.packing.into()))),
-            #[cfg(feature = "parquet")]
-            Format::Parquet => Sink::Parquet(Box::new(parquet(to, read)?)),
-        };
-        let selection = Selection::new(select.filter.clone(), select.from, select.to)?;
-        let prints = arguments.output.is_none() && arguments.format != Format::None;
-        let on_terminal = prints && std::io::stdout().is_terminal();
-        Ok(Self {
-            sink,
-            selection,
-            pdo,
-            frames: arguments.frames,
-            on_terminal,
-            shown: Shown::default(),
-            #[cfg(feature = "mcap")]
-            flushed: Instant::now(),
-        })
-    }
-
-    pub(super) fn is_done(&self) -> bool {
-        match &self.sink {
-            Sink::Text(text) => text.has_failed(),
-            Sink::Jsonl(jsonl) => jsonl.has_failed(),
-            Sink::Csv(csv) => csv.has_failed(),
-            Sink::CsvWide(csv) => csv.has_failed(),
-            #[cfg(feature = "mcap")]
-            Sink::Mcap(mcap) => mcap.has_failed(),
-            #[cfg(feature = "parquet")]
-            Sink::Parquet(parquet) => parquet.has_failed(),
-            Sink::None => false,
-        }
-    }
-
-    pub(super) fn begin(&mut self, first: &Frame) -> anyhow::Result<()> {
-        if let Sink::Text(text) = &mut self.sink {
-            text.see(first.time);
-        }
-        self.selection.begin(first)
-    }
-
-    pub(super) fn begin_capture(&mut self, name: &str) {
-        self.selection.set_capture(name);
-        self.shown = Shown::default();
-        match &mut self.sink {
-            Sink::Text(text) => text.heading(&format!("== {name}")),
-            Sink::Jsonl(jsonl) => jsonl.set_capture(Some(name.to_owned())),
-            Sink::Csv(csv) => csv.begin_capture(),
-            Sink::CsvWide(csv) => csv.begin_capture(),
-            #[cfg(feature = "parquet")]
-            Sink::Parquet(parquet) => parquet.set_capture(Some(name.to_owned())),
-            _ => {}
-        }
-    }
-
-    /// Whether events of all kinds are written, so that what could not be read stands among them.
-    pub(super) fn has_events(&self) -> bool {
-        !matches!(self.sink, Sink::Csv(_) | Sink::CsvWide(_) | Sink::None)
-    }
-
-    /// What is said of a capture of which nothing was printed, whose last frame has this number and stamp.
-    pub(super) fn missed(&self, frame: u64, last: Option<Timestamp>) -> Option<String> {
-        if matches!(self.sink, Sink::None) {
-            return None;
-        }
-        self.selection.missed(frame, last).or_else(|| {
-            let is_empty = self.selection.has_filter() && !self.shown.is_any;
-            is_empty.then(|| self.shown.hidden())
-        })
-    }
-
-    /// Gives what is held back to whoever reads it.
-    pub(super) fn flush(&mut self) -> std::io::Result<()> {
-        match &mut self.sink {
-            Sink::Text(text) => text.finish(),
-            Sink::Jsonl(jsonl) => jsonl.finish(),
-            Sink::Csv(csv) => csv.finish(),
-            #[cfg(feature = "mcap")]
-            Sink::Mcap(mcap) if self.flushed.elapsed() >= FLUSH_EVERY => {
-                self.flushed = Instant::now();
-                mcap.flush();
-                Ok(())
-            }
-            #[cfg(feature = "mcap")]
-            Sink::Mcap(_) => Ok(()),
-            // Nobody can read it before its end.
-            #[cfg(feature = "parquet")]
-            Sink::Parquet(_) => Ok(()),
-            Sink::CsvWide(_) | Sink::None => Ok(()),
-        }
-    }
-
-    /// Nothing follows.
-    pub(super) fn finish(&mut self) -> std::io::Result<()> {
-        match &mut self.sink {
-            #[cfg(feature = "mcap")]
-            Sink::Mcap(mcap) => mcap.finish(),
-            #[cfg(feature = "parquet")]
-            Sink::Parquet(parquet) => parquet.finish(),
-            Sink::CsvWide(csv) => csv.finish().inspect(|()| tell_left_out(csv.left_out())),
-            _ => self.flush(),
-        }
-    }
-
-    /// Whether frames and notices are written too.
-    pub(super) fn wants_frames(&self) -> bool {
-        #[cfg(feature = "mcap")]
-        return matches!(self.sink, Sink::Mcap(_));
-        #[cfg(not(feature = "mcap"))]
-        false
-    }
-
-    #[cfg_attr(not(feature = "mcap"), expect(unused_variables, reason = "no format writes frames"))]
-    pub(super) fn frame(&mut self, frame: &Frame, names: &BusNames) {
-        #[cfg(feature = "mcap")]
-        if let Sink::Mcap(mcap) = &mut self.sink {
-            mcap.frame(frame, name_of(names, frame.bus));
-        }
-    }
-
-    #[cfg_attr(not(feature = "mcap"), expect(unused_variables, reason = "no format writes notices"))]
-    pub(super) fn notice(&mut self, notice: &Notice, names: &BusNames) {
-        #[cfg(feature = "mcap")]
-        if let Sink::Mcap(mcap) = &mut self.sink {
-            mcap.notice(notice, name_of(names, notice.bus()));
-        }
-    }
-
-    /// Puts the files of the user beside what is written, and what wrote it, where the format has a place for that.
-    #[cfg_attr(not(feature = "mcap"), expect(unused_variables, reason = "no format has a place for it"))]
-    pub(super) fn describe(&mut self, input: &InputArgs) {
-        #[cfg(feature = "mcap")]
-        if let Sink::Mcap(mcap) = &mut self.sink {
-            attach(mcap, input);
-        }
-    }
-
-    fn is_wanted(&self, event: &Event) -> bool {
+impl Choice {
+    fn admits(&self, event: &Event) -> bool {
         match &event.kind {
             EventKind::Pdo(_) | EventKind::J1939Message(_) => match self.pdo {
                 Pdo::All => true,
@@ -337,84 +164,157 @@ impl Printer {
     }
 }
 
+impl OpenSink {
+    /// Opens what is written, which must not be one of the files `read`.
+    fn open(
+        format: &'static EventFormat,
+        arguments: &PrintArgs,
+        pdo: Pdo,
+        read: &[PathBuf],
+    ) -> anyhow::Result<Self> {
+        let options = SinkOptions { text: text_options(arguments, pdo), packing: arguments.packing.into() };
+        let mut files = SinkFiles::new(format, arguments.output.as_deref(), read);
+        let sink = (format.sink)(&mut files, &options)?;
+        files.report_parts();
+        Ok(Self { format, sink, flushed: Instant::now() })
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        if self.format.is_binary {
+            if self.flushed.elapsed() < FLUSH_EVERY {
+                return Ok(());
+            }
+            self.flushed = Instant::now();
+        }
+        self.sink.flush()
+    }
+
+    /// Attaches the files that say what is known of the buses, as they are, and which program and profiles understood them.
+    fn describe(&mut self, input: &InputArgs) {
+        const TOML: &str = "application/toml";
+        const TEXT: &str = "text/plain";
+        let files = input.bus.iter().map(|path| (path, TOML));
+        let files = files.chain(input.dbc.iter().map(|path| (path, TEXT)));
+        for (path, media_type) in files.chain(input.eds.iter().map(|arg| (&arg.file, TEXT))) {
+            // Files that cannot be read were refused before.
+            if let (Ok(bytes), Some(name)) = (std::fs::read(path), path.file_name()) {
+                self.sink.attach(&name.to_string_lossy(), media_type, &bytes);
+            }
+        }
+        let version = ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned());
+        self.sink.describe("cobscope", std::collections::BTreeMap::from([version]));
+    }
+}
+
+impl Printer {
+    /// Opens what is written, which must not be one of the files `read`.
+    pub(super) fn new(arguments: &PrintArgs, select: &SelectArgs, read: &[PathBuf]) -> anyhow::Result<Self> {
+        let format = arguments.format.0;
+        let is_news = format.is_some_and(|format| format.content == EventContent::News);
+        let pdo = arguments.pdo.unwrap_or(if is_news { Pdo::Change } else { Pdo::All });
+        let output = format.map(|format| OpenSink::open(format, arguments, pdo, read)).transpose()?;
+        let selection = Selection::new(select.filter.clone(), select.from, select.to)?;
+        let prints = arguments.output.is_none() && output.is_some();
+        Ok(Self {
+            output,
+            selection,
+            choice: Choice { pdo, frames: arguments.frames },
+            on_terminal: prints && std::io::stdout().is_terminal(),
+            shown: Shown::default(),
+        })
+    }
+
+    pub(super) fn is_done(&self) -> bool {
+        self.output.as_ref().is_some_and(|output| output.sink.has_failed())
+    }
+
+    pub(super) fn begin(&mut self, first: &Frame) -> anyhow::Result<()> {
+        if let Some(output) = &mut self.output {
+            output.sink.observe_time(first.time);
+        }
+        self.selection.begin(first)
+    }
+
+    pub(super) fn begin_capture(&mut self, name: &str) {
+        self.selection.set_capture(name);
+        self.shown = Shown::default();
+        if let Some(output) = &mut self.output {
+            output.sink.begin_capture(name);
+        }
+    }
+
+    /// Whether events of all kinds are written, so that what could not be read stands among them.
+    pub(super) fn has_events(&self) -> bool {
+        self.output.as_ref().is_some_and(|output| output.format.content != EventContent::Values)
+    }
+
+    /// What is said of a capture of which nothing was printed, whose last frame has this number and stamp.
+    pub(super) fn missed(&self, frame: u64, last: Option<Timestamp>) -> Option<String> {
+        self.output.as_ref()?;
+        self.selection.missed(frame, last).or_else(|| {
+            let is_empty = self.selection.has_filter() && !self.shown.is_any;
+            is_empty.then(|| self.shown.hidden())
+        })
+    }
+
+    /// Gives what is held back to whoever reads it.
+    pub(super) fn flush(&mut self) -> std::io::Result<()> {
+        self.output.as_mut().map_or(Ok(()), OpenSink::flush)
+    }
+
+    /// Nothing follows.
+    pub(super) fn finish(&mut self) -> std::io::Result<()> {
+        let Some(OpenSink { sink, .. }) = &mut self.output else { return Ok(()) };
+        sink.finish()?;
+        if let Some(remark) = sink.remark() {
+            let _ = writeln!(std::io::stderr(), "cobscope: {remark}");
+        }
+        Ok(())
+    }
+
+    /// The output, where frames and notices are written too.
+    fn capture(&mut self) -> Option<&mut OpenSink> {
+        self.output.as_mut().filter(|output| output.format.content == EventContent::Capture)
+    }
+
+    pub(super) fn wants_frames(&self) -> bool {
+        self.output.as_ref().is_some_and(|output| output.format.content == EventContent::Capture)
+    }
+
+    pub(super) fn frame(&mut self, frame: &Frame, names: &BusNames) {
+        if let Some(output) = self.capture() {
+            output.sink.frame(frame, name_of(names, frame.bus));
+        }
+    }
+
+    pub(super) fn notice(&mut self, notice: &Notice, names: &BusNames) {
+        if let Some(output) = self.capture() {
+            output.sink.notice(notice, name_of(names, notice.bus()));
+        }
+    }
+
+    /// Puts the files of the user beside what is written, and what wrote it, where the format has a place for that.
+    pub(super) fn describe(&mut self, input: &InputArgs) {
+        if let Some(output) = self.capture() {
+            output.describe(input);
+        }
+    }
+}
+
 impl Observer for Printer {
     fn event(&mut self, event: &Event, bus: &Bus) {
-        if matches!(self.sink, Sink::None) || !self.selection.admits(event, bus) {
+        let Some(OpenSink { format, sink, .. }) = &mut self.output else { return };
+        if !self.selection.admits(event, bus) {
             return;
         }
-        if let Sink::Text(text) = &mut self.sink {
-            let is_shown = text.write(event, bus);
-            return self.shown.see(event, is_shown);
-        }
-        let is_wanted = self.is_wanted(event);
-        self.shown.see(event, is_wanted);
-        if !is_wanted {
-            return;
-        }
-        match &mut self.sink {
-            Sink::Jsonl(jsonl) => jsonl.write(event, bus),
-            Sink::Csv(csv) => csv.write(event, bus),
-            Sink::CsvWide(csv) => csv.write(event, bus),
-            #[cfg(feature = "mcap")]
-            Sink::Mcap(mcap) => mcap.write(event, bus),
-            #[cfg(feature = "parquet")]
-            Sink::Parquet(parquet) => parquet.write(event, bus),
-            Sink::Text(_) | Sink::None => {}
-        }
+        let is_wanted = format.content == EventContent::News || self.choice.admits(event);
+        let is_shown = is_wanted && sink.write(event, bus);
+        self.shown.see(event, is_shown);
     }
 }
 
-fn tell_left_out(values: u64) {
-    if values > 0 {
-        let _ = writeln!(
-            std::io::stderr(),
-            "cobscope: {values} values of further signals are left out: there is a column for {MOST_COLUMNS}; --filter chooses, \
-             -f csv has all"
-        );
-    }
-}
-
-/// Two files whose names begin alike.
-#[cfg(feature = "parquet")]
-fn parquet(to: Option<&Path>, read: &[PathBuf]) -> anyhow::Result<Parquet<Output>> {
-    let to = to.context("this format is two files; name them with -o NAME")?;
-    let (events, signals) = (beside(to, "events")?, beside(to, "signals")?);
-    let parquet = Parquet::new(output(Some(&events), read)?, output(Some(&signals), read)?)
-        .with_context(|| format!("{}: cannot be written", to.display()))?;
-    let _ = writeln!(std::io::stderr(), "cobscope: writing {} and {}", events.display(), signals.display());
-    Ok(parquet)
-}
-
-/// `run.parquet` or `run` to `run.events.parquet`.
-#[cfg(feature = "parquet")]
-fn beside(path: &Path, what: &str) -> anyhow::Result<PathBuf> {
-    let is_parquet = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("parquet"));
-    let stem = if is_parquet { path.file_stem() } else { path.file_name() };
-    let mut name = stem.with_context(|| format!("{}: names no file", path.display()))?.to_owned();
-    name.push(format!(".{what}.parquet"));
-    Ok(path.with_file_name(name))
-}
-
-#[cfg(feature = "mcap")]
 fn name_of(names: &BusNames, bus: BusIndex) -> &str {
     names.names().get(usize::from(bus.0)).map_or("", String::as_str)
-}
-
-/// The files that say what is known of the buses, as they are, and which program and profiles understood them.
-#[cfg(feature = "mcap")]
-fn attach(mcap: &mut Mcap<Output>, input: &InputArgs) {
-    const TOML: &str = "application/toml";
-    const TEXT: &str = "text/plain";
-    let files = input.bus.iter().map(|path| (path, TOML));
-    let files = files.chain(input.dbc.iter().map(|path| (path, TEXT)));
-    for (path, media_type) in files.chain(input.eds.iter().map(|arg| (&arg.file, TEXT))) {
-        // Files that cannot be read were refused before.
-        if let (Ok(bytes), Some(name)) = (std::fs::read(path), path.file_name()) {
-            mcap.attach(&name.to_string_lossy(), media_type, &bytes);
-        }
-    }
-    let version = ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned());
-    mcap.describe("cobscope", std::collections::BTreeMap::from([version]));
 }
 
 fn text_options(arguments: &PrintArgs, pdo: Pdo) -> TextOptions {

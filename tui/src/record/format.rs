@@ -1,6 +1,6 @@
 //! Which format a file is written in: the end of its name says it.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use cobscope_decoder::capture::{WRITABLE, WritableFormat};
 
@@ -13,6 +13,15 @@ pub fn suffix(path: &Path) -> &str {
 pub fn of(path: &Path) -> Option<&'static WritableFormat> {
     let suffix = suffix(path);
     WRITABLE.iter().find(|format| format.suffix == suffix)
+}
+
+/// One file of several that are named after `path`: `run.parquet` or `run` to `run.events.parquet`. None where the path
+/// ends without a name.
+pub fn part_of(path: &Path, content: &str, suffix: &str) -> Option<PathBuf> {
+    let has_suffix = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(suffix));
+    let mut name = if has_suffix { path.file_stem() } else { path.file_name() }?.to_owned();
+    name.push(format!(".{content}.{suffix}"));
+    Some(path.with_file_name(name))
 }
 
 /// Ends of names that say a format of captures, with its title.

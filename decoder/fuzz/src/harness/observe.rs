@@ -2,6 +2,7 @@
 
 use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::session::{Bus, Observer};
+use cobscope_decoder::sink::EventSink as _;
 use cobscope_decoder::sink::jsonl::Jsonl;
 use cobscope_decoder::sink::text::{PdoLines, Text, TextOptions};
 use cobscope_decoder::wire::NodeId;

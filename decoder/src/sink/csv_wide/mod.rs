@@ -16,6 +16,7 @@ use foldhash::fast::FixedState;
 
 use super::csv::{push_cell, push_value};
 use super::values::{self, Carried, Groups};
+use super::{EventContent, EventFormat, EventSink};
 use crate::ascii::{push_decimal, push_seconds};
 use crate::event::Event;
 use crate::frame::Timestamp;
@@ -23,13 +24,23 @@ use crate::session::Bus;
 use spool::{Rows, Spool};
 
 /// Signals that get a column. Each row has a place for all of them, so a capture made for it could fill any disk.
-pub const MOST_COLUMNS: usize = 4096;
+const MOST_COLUMNS: usize = 4096;
 
 /// Columns that every row has.
 const HEADER: &str = "time,bus,frame";
 
+pub(super) const FORMAT: EventFormat = EventFormat {
+    name: "csv-wide",
+    suffix: "wide.csv",
+    title: "values as wide CSV",
+    help: "The same values: a line an event, a column a signal",
+    content: EventContent::Values,
+    is_binary: false,
+    sink: |files, _| Ok(Box::new(CsvWide::new(files.whole()?, files.spool()?))),
+};
+
 /// Writes values as CSV, wide. The first write error is kept and ends all writing.
-pub struct CsvWide<W, S: Write> {
+struct CsvWide<W, S: Write> {
     output: W,
     spool: Spool<S>,
     groups: Groups<Vec<Place>>,
@@ -54,27 +65,14 @@ struct Columns {
 }
 
 impl<W: Write, S: Read + Write + Seek> CsvWide<W, S> {
-    /// Writes to `output`, which should be buffered, what waited in `spool`, which should be empty and need not be
-    /// buffered.
-    pub fn new(output: W, spool: S) -> Self {
+    /// Writes to `output` what waited in `spool`, which should be empty.
+    fn new(output: W, spool: S) -> Self {
         Self {
             output,
             spool: Spool::new(spool),
             groups: Groups::default(),
             columns: Columns::new(MOST_COLUMNS),
             error: None,
-        }
-    }
-
-    /// The next capture begins: its buses have names of their own.
-    pub fn begin_capture(&mut self) {
-        self.groups = Groups::default();
-    }
-
-    /// Keeps the values of an event, if it has any.
-    pub fn write(&mut self, event: &Event, bus: &Bus) {
-        if let Some(carried) = values::carried(event).filter(|_| self.error.is_none()) {
-            self.error = self.row(event, bus, &carried).err();
         }
     }
 
@@ -95,17 +93,6 @@ impl<W: Write, S: Read + Write + Seek> CsvWide<W, S> {
         self.spool.end()
     }
 
-    /// Writes the table; gives the first error of all writing. What comes later is not written.
-    ///
-    /// # Errors
-    /// When anything could not be written, or not be read again.
-    pub fn finish(&mut self) -> io::Result<()> {
-        match self.error.take() {
-            Some(error) => Err(error),
-            None => self.table(),
-        }
-    }
-
     fn table(&mut self) -> io::Result<()> {
         let Some(mut rows) = self.spool.take()? else { return Ok(()) };
         let mut line = HEADER.as_bytes().to_vec();
@@ -118,15 +105,40 @@ impl<W: Write, S: Read + Write + Seek> CsvWide<W, S> {
             }
         }
     }
+}
 
-    /// Values that were left out because of [`MOST_COLUMNS`].
-    pub fn left_out(&self) -> u64 {
-        self.columns.left_out
+impl<W: Write, S: Read + Write + Seek> EventSink for CsvWide<W, S> {
+    fn begin_capture(&mut self, _name: &str) {
+        self.groups = Groups::default();
     }
 
-    /// Whether writing failed, so that more work is in vain.
-    pub fn has_failed(&self) -> bool {
+    fn write(&mut self, event: &Event, bus: &Bus) -> bool {
+        if let Some(carried) = values::carried(event).filter(|_| self.error.is_none()) {
+            self.error = self.row(event, bus, &carried).err();
+        }
+        true
+    }
+
+    /// Writes the table.
+    fn finish(&mut self) -> io::Result<()> {
+        match self.error.take() {
+            Some(error) => Err(error),
+            None => self.table(),
+        }
+    }
+
+    fn has_failed(&self) -> bool {
         self.error.is_some()
+    }
+
+    fn remark(&self) -> Option<String> {
+        let values = self.columns.left_out;
+        (values > 0).then(|| {
+            format!(
+                "{values} values of further signals are left out: there is a column for {MOST_COLUMNS}; --filter chooses, \
+                 -f csv has all"
+            )
+        })
     }
 }
 

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 pub use super::comparison::{Comparison, Known};
-use super::{Judged, Report, Standing};
+use super::report::{Judged, Report, Standing};
 use crate::finding::{Severity, Verdict};
 
 /// Version of the file's form.

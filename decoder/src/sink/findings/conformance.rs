@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::Judged;
+use super::report::Judged;
 use crate::event::FrameRange;
 use crate::finding::{CaseVerdict, Verdict};
 use crate::sink::escape;

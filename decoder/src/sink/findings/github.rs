@@ -3,14 +3,23 @@
 use std::fmt::Write as _;
 
 use super::baseline::portable;
+use super::format::{FindingFormat, write_at_once};
 use super::incident::incidents;
-use super::{ABSENT, Judged, MISSING, Report, SILENT, notes, text, what, who};
+use super::report::{ABSENT, Judged, MISSING, Report, SILENT, notes, what, who};
+use super::text;
 use crate::finding::{Group, Severity, SuppressionUse};
 use crate::sink::escape;
 
+pub(super) const FORMAT: FindingFormat = FindingFormat {
+    name: "github",
+    help: "Commands of GitHub Actions: notes beside the lines of captures",
+    has_lines: true,
+    write: |report, _, out| write_at_once(out, |text| write(report, text)),
+};
+
 /// Writes one command a finding, the worst of a capture first, what was suppressed and why, and the total as plain
 /// text.
-pub fn write(report: &Report, out: &mut String) {
+fn write(report: &Report, out: &mut String) {
     for judged in &report.captures {
         if let Some(failure) = &judged.failure {
             command(out, "error", &place(judged, None), "unreadable", failure);

@@ -3,7 +3,8 @@
 
 use std::io::{self, Write};
 
-use super::{Judged, Outcome, Report, Standing};
+use super::format::FindingFormat;
+use super::report::{Judged, Outcome, Report, Standing};
 use crate::event::FrameRange;
 use crate::finding::{Cause, Group, Occurrence, Severity, SuppressionUse, Tally};
 use crate::frame::Timestamp;
@@ -182,11 +183,15 @@ pub const KEYS: &[Key] = &[
     key(TOTAL, "fails", KeyType::Bool, true, "Whether the exit status says that something is wrong"),
 ];
 
+pub(super) const FORMAT: FindingFormat = FindingFormat {
+    name: "jsonl",
+    help: "One JSON object a finding and a capture, and a total (docs/check.schema.json)",
+    has_lines: false,
+    write: |report, _, out| write(report, out),
+};
+
 /// Writes all captures, a line at a time: of thousands of findings the text is larger than what is kept of them.
-///
-/// # Errors
-/// What `out` cannot take.
-pub fn write(report: &Report, out: &mut dyn Write) -> io::Result<()> {
+fn write(report: &Report, out: &mut dyn Write) -> io::Result<()> {
     let mut line = Vec::new();
     for judged in &report.captures {
         for group in &judged.findings.groups {

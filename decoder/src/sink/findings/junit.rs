@@ -2,13 +2,21 @@
 
 use quick_junit::{NonSuccessKind, TestCase, TestCaseStatus, TestSuite, XmlString};
 
+use super::format::{FindingFormat, write_at_once};
 use super::incident::incidents;
-use super::{ABSENT, Judged, MISSING, Report, SILENT, notes, what, who};
+use super::report::{ABSENT, Judged, MISSING, Report, SILENT, notes, what, who};
 use crate::finding::{Group, Severity, SuppressionUse, Verdict};
 use crate::sink::escape;
 
+pub(super) const FORMAT: FindingFormat = FindingFormat {
+    name: "junit",
+    help: "JUnit XML: a suite a capture, a case a rule",
+    has_lines: true,
+    write: |report, _, out| write_at_once(out, |text| write(report, text)),
+};
+
 /// Writes all captures.
-pub fn write(report: &Report, out: &mut String) {
+fn write(report: &Report, out: &mut String) {
     let mut junit = quick_junit::Report::new("cobscope");
     junit.add_test_suites(report.captures.iter().map(|judged| suite(judged, report.least)));
     let missing = report.missing.iter().map(|rule| (rule, "not-exercised", MISSING));

@@ -7,7 +7,8 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::baseline::portable;
-use super::{ABSENT, Judged, MISSING, Report, SILENT, Standing, notes, what, who};
+use super::format::{FindingFormat, write_at_once};
+use super::report::{ABSENT, Judged, MISSING, Report, SILENT, Standing, notes, what, who};
 use crate::finding::{Cause, Group, Occurrence, RuleInfo, RuleOrigin, Severity, SuppressionUse};
 use crate::rules::manual;
 use crate::sink::escape;
@@ -57,8 +58,15 @@ struct SarifResult {
     properties: Value,
 }
 
+pub(super) const FORMAT: FindingFormat = FindingFormat {
+    name: "sarif",
+    help: "SARIF 2.1.0 for code scanning",
+    has_lines: true,
+    write: |report, _, out| write_at_once(out, |text| write(report, text)),
+};
+
 /// Writes all captures.
-pub fn write(report: &Report, out: &mut String) {
+fn write(report: &Report, out: &mut String) {
     let coverage = report.coverage();
     let places: BTreeMap<&str, usize> =
         coverage.iter().enumerate().map(|(place, one)| (&*one.rule.name, place)).collect();

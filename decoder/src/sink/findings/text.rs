@@ -3,8 +3,9 @@
 
 use std::fmt::Write as _;
 
+use super::format::{FindingFormat, TextOptions, write_at_once};
 use super::incident::{Absorbed, absorbed, incidents};
-use super::{
+use super::report::{
     ABSENT, Judged, MISSING, Outcome, Report, SILENT, Standing, moment, notes, seconds, what, when, who,
 };
 use super::{conformance, coverage};
@@ -15,17 +16,6 @@ use crate::words::plural;
 
 /// Incidents of a capture that are told unless all are asked for; the others are counted.
 const SHOWN_INCIDENTS: usize = 50;
-
-/// How much is told.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct TextOptions {
-    /// ANSI colours.
-    pub color: bool,
-    /// Every occurrence that was kept, what is suppressed and what is accepted.
-    pub verbose: bool,
-    /// How often each rule and each case of the test plan was judged.
-    pub coverage: bool,
-}
 
 /// What lines begin with.
 const INDENT: &str = "         ";
@@ -42,8 +32,15 @@ struct Page<'a> {
     options: TextOptions,
 }
 
+pub(super) const FORMAT: FindingFormat = FindingFormat {
+    name: "text",
+    help: "Lines and a table for people",
+    has_lines: false,
+    write: |report, options, out| write_at_once(out, |text| write(report, options, text)),
+};
+
 /// Writes everything.
-pub fn write(report: &Report, options: TextOptions, out: &mut String) {
+fn write(report: &Report, options: TextOptions, out: &mut String) {
     let mut page = Page { out, options };
     let common = common_notes(report);
     page.common(report, &common);

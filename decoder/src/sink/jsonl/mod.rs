@@ -6,11 +6,22 @@ mod signals;
 
 use std::io::{self, Write};
 
+use super::{EventContent, EventFormat, EventSink};
 use crate::event::Event;
 use crate::query::record::visit;
 use crate::session::Bus;
 use object::{Marks, Object};
 use prepared::Prepared;
+
+pub(super) const FORMAT: EventFormat = EventFormat {
+    name: "jsonl",
+    suffix: "jsonl",
+    title: "events as JSON Lines",
+    help: "One JSON object a line",
+    content: EventContent::Events,
+    is_binary: false,
+    sink: |files, _| Ok(Box::new(Jsonl::new(files.whole()?))),
+};
 
 /// Writes events as JSON Lines. The first write error is kept and ends all writing.
 pub struct Jsonl<W> {
@@ -24,33 +35,34 @@ impl<W: Write> Jsonl<W> {
     pub fn new(output: W) -> Self {
         Self { output, lines: Lines::default(), error: None }
     }
+}
 
-    /// Names the capture in every following line.
-    pub fn set_capture(&mut self, capture: Option<String>) {
-        self.lines.set_capture(capture);
+impl<W: Write> EventSink for Jsonl<W> {
+    /// Every following line names it.
+    fn begin_capture(&mut self, name: &str) {
+        self.lines.set_capture(name);
     }
 
-    /// Writes one event.
     #[inline]
-    pub fn write(&mut self, event: &Event, bus: &Bus) {
+    fn write(&mut self, event: &Event, bus: &Bus) -> bool {
         if self.error.is_none() {
             self.error = self.output.write_all(self.lines.of(event, bus)).err();
         }
+        true
     }
 
-    /// Flushes; gives the first error of all writing.
-    ///
-    /// # Errors
-    /// When anything could not be written.
-    pub fn finish(&mut self) -> io::Result<()> {
+    fn flush(&mut self) -> io::Result<()> {
+        self.finish()
+    }
+
+    fn finish(&mut self) -> io::Result<()> {
         match self.error.take() {
             Some(error) => Err(error),
             None => self.output.flush(),
         }
     }
 
-    /// Whether writing failed, so that more work is in vain.
-    pub fn has_failed(&self) -> bool {
+    fn has_failed(&self) -> bool {
         self.error.is_some()
     }
 }
@@ -65,8 +77,8 @@ pub(super) struct Lines {
 
 impl Lines {
     /// Names the capture in every following line.
-    pub(super) fn set_capture(&mut self, capture: Option<String>) {
-        self.capture = capture;
+    pub(super) fn set_capture(&mut self, capture: &str) {
+        self.capture = Some(capture.to_owned());
         self.prepared = Prepared::default();
     }
 

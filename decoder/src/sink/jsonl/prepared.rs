@@ -254,6 +254,7 @@ mod tests {
     use crate::frame::{BusIndex, Frame};
     use crate::profile::{DataType, Field, Layout, Meaning, PdoDirection};
     use crate::session::{BusDecoder, SessionOptions};
+    use crate::sink::EventSink as _;
     use crate::wire::canopen::ObjectAddress;
 
     /// A bus with nodes 1 to 3, the second and third with names.
@@ -339,7 +340,7 @@ mod tests {
             let buses = [bus(0, "can0"), bus(1, "can1"), bus(0, "a \"bus\"")];
             for capture in [None, Some("two.log")] {
                 let mut jsonl = Jsonl::new(Vec::new());
-                jsonl.set_capture(capture.map(Into::into));
+                capture.iter().for_each(|name| jsonl.begin_capture(name));
                 let mut expected = Vec::new();
                 // Twice, so that most lines are prepared the second time.
                 for (event, place) in events.iter().chain(&events) {

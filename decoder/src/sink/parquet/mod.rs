@@ -12,6 +12,7 @@ use std::io::{self, Write};
 use super::jsonl::Lines;
 use super::text::Line;
 use super::values::{self, Carried, Groups, Named};
+use super::{EventContent, EventFormat, EventSink};
 use crate::event::Event;
 use crate::frame::Timestamp;
 use crate::query::record::{FieldValue, protocol};
@@ -52,8 +53,19 @@ const EVENTS: &[Heading] = &[
     always("json", Kind::Json),
 ];
 
+pub(super) const FORMAT: EventFormat = EventFormat {
+    name: "parquet",
+    suffix: "parquet",
+    title: "events as Parquet",
+    help: "Events and values for DuckDB, Polars and Spark, as two files NAME.events.parquet and NAME.signals.parquet; \
+           wants -o NAME",
+    content: EventContent::Events,
+    is_binary: true,
+    sink: |files, _| Ok(Box::new(Parquet::new(files.part("events")?, files.part("signals")?)?)),
+};
+
 /// Writes events and values as Parquet. The first write error is kept and ends all writing.
-pub struct Parquet<W: Write + Send> {
+struct Parquet<W: Write + Send> {
     events: Table<W>,
     signals: Table<W>,
     lines: Lines,
@@ -64,10 +76,7 @@ pub struct Parquet<W: Write + Send> {
 
 impl<W: Write + Send> Parquet<W> {
     /// Begins both files.
-    ///
-    /// # Errors
-    /// When they cannot be written.
-    pub fn new(events: W, signals: W) -> io::Result<Self> {
+    fn new(events: W, signals: W) -> io::Result<Self> {
         Ok(Self {
             events: Table::new(events, EVENTS)?,
             signals: Table::new(signals, SIGNALS)?,
@@ -76,25 +85,6 @@ impl<W: Write + Send> Parquet<W> {
             capture: None,
             error: None,
         })
-    }
-
-    /// Names the capture in every following row.
-    pub fn set_capture(&mut self, capture: Option<String>) {
-        // Its buses have names of their own.
-        self.groups = Groups::default();
-        self.lines.set_capture(capture.clone());
-        self.capture = capture;
-    }
-
-    /// Writes an event and its values.
-    pub fn write(&mut self, event: &Event, bus: &Bus) {
-        if self.error.is_none() {
-            let written = self.event(event, bus).and_then(|()| match values::carried(event) {
-                Some(carried) => self.values(event, bus, &carried),
-                None => Ok(()),
-            });
-            self.error = written.err();
-        }
     }
 
     fn event(&mut self, event: &Event, bus: &Bus) -> io::Result<()> {
@@ -148,12 +138,28 @@ impl<W: Write + Send> Parquet<W> {
         }
         Ok(())
     }
+}
 
-    /// Ends both files; gives the first error of all writing.
-    ///
-    /// # Errors
-    /// When anything could not be written.
-    pub fn finish(&mut self) -> io::Result<()> {
+impl<W: Write + Send> EventSink for Parquet<W> {
+    /// Every following row names it.
+    fn begin_capture(&mut self, name: &str) {
+        self.groups = Groups::default();
+        self.lines.set_capture(name);
+        self.capture = Some(name.to_owned());
+    }
+
+    fn write(&mut self, event: &Event, bus: &Bus) -> bool {
+        if self.error.is_none() {
+            let written = self.event(event, bus).and_then(|()| match values::carried(event) {
+                Some(carried) => self.values(event, bus, &carried),
+                None => Ok(()),
+            });
+            self.error = written.err();
+        }
+        true
+    }
+
+    fn finish(&mut self) -> io::Result<()> {
         match self.error.take() {
             Some(error) => Err(error),
             // Of two files one that can be read is better than none.
@@ -161,8 +167,7 @@ impl<W: Write + Send> Parquet<W> {
         }
     }
 
-    /// Whether writing failed, so that more work is in vain.
-    pub fn has_failed(&self) -> bool {
+    fn has_failed(&self) -> bool {
         self.error.is_some()
     }
 }

@@ -24,44 +24,27 @@ mod uds;
 
 use std::io::{self, Write};
 
+pub use super::options::{PdoLines, TextOptions, TimeColumn};
 pub use line::Line;
 pub use news::News;
-pub use time::TimeColumn;
 pub use tone::Tone;
 
+use super::escape::{escape, push_escaped};
+use super::event_sink::{EventContent, EventFormat, EventSink};
 use crate::ascii::push_blanks;
 use crate::event::{Event, EventKind};
 use crate::frame::Timestamp;
 use crate::session::Bus;
 
-/// Which PDOs and J1939 messages are printed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum PdoLines {
-    /// The first of an identifier, and those that say something new.
-    #[default]
-    Change,
-    /// All.
-    All,
-    /// None.
-    None,
-}
-
-/// What the text shows.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct TextOptions {
-    /// Time column.
-    pub time: TimeColumn,
-    /// PDOs.
-    pub pdo: PdoLines,
-    /// Repetitions of everything else: heartbeats, SYNC, guarding, scan steps.
-    pub all: bool,
-    /// Frames no protocol owns.
-    pub frames: bool,
-    /// Everything known of an event, on further lines.
-    pub verbose: bool,
-    /// ANSI colours.
-    pub color: bool,
-}
+pub(super) const FORMAT: EventFormat = EventFormat {
+    name: "text",
+    suffix: "txt",
+    title: "events as text",
+    help: "Lines for people",
+    content: EventContent::News,
+    is_binary: false,
+    sink: |files, options| Ok(Box::new(Text::new(files.whole()?, options.text))),
+};
 
 /// Writes events as text. The first write error is kept and ends all writing.
 pub struct Text<W> {
@@ -90,23 +73,6 @@ impl<W: Write> Text<W> {
         }
     }
 
-    /// Takes note of a time without a line; the first one is the zero of the time column.
-    pub fn see(&mut self, time: Option<Timestamp>) {
-        self.clock.see(time);
-    }
-
-    /// Writes one event, if it is one to be shown: whether it is.
-    #[inline]
-    pub fn write(&mut self, event: &Event, bus: &Bus) -> bool {
-        self.clock.see(event.time);
-        if self.error.is_some() || !self.is_shown(event) {
-            return false;
-        }
-        self.columns.fill(event, bus);
-        self.write_line(event, bus);
-        true
-    }
-
     /// Every string of the capture is in one of the columns: escaped, so that our own colours are the
     /// only control characters.
     fn write_line(&mut self, event: &Event, bus: &Bus) {
@@ -116,11 +82,11 @@ impl<W: Write> Text<W> {
         line.extend_from_slice(b"  ");
         let mut width = 0;
         if bus.index().0 != 0 {
-            super::push_escaped(line, bus.name().as_bytes());
+            push_escaped(line, bus.name().as_bytes());
             line.push(b' ');
             width = characters(bus.name().as_bytes()) + 1;
         }
-        super::push_escaped(line, &columns.who);
+        push_escaped(line, &columns.who);
         push_blanks(line, 16, width + characters(&columns.who));
         line.extend_from_slice(b"  ");
         let colored = self.options.color && columns.tone != Tone::Plain;
@@ -130,7 +96,7 @@ impl<W: Write> Text<W> {
         line.extend_from_slice(columns.kind.as_bytes());
         push_blanks(line, 6, columns.kind.len());
         line.push(b' ');
-        super::push_escaped(line, &columns.what);
+        push_escaped(line, &columns.what);
         if event.presumed {
             line.push(b'?');
         }
@@ -162,28 +128,44 @@ impl<W: Write> Text<W> {
             _ => !event.routine || self.options.all,
         }
     }
+}
 
-    /// Writes a line that is no event, such as a heading between captures.
-    pub fn heading(&mut self, text: &str) {
+impl<W: Write> EventSink for Text<W> {
+    /// Writes a heading.
+    fn begin_capture(&mut self, name: &str) {
         if self.error.is_none() {
-            self.error = writeln!(self.output, "{}", super::escape(text)).err();
+            self.error = writeln!(self.output, "== {}", escape(name)).err();
         }
         self.clock = time::Clock::new(self.options.time);
     }
 
-    /// Flushes; gives the first error of all writing.
-    ///
-    /// # Errors
-    /// When anything could not be written.
-    pub fn finish(&mut self) -> io::Result<()> {
+    fn observe_time(&mut self, time: Option<Timestamp>) {
+        self.clock.see(time);
+    }
+
+    #[inline]
+    fn write(&mut self, event: &Event, bus: &Bus) -> bool {
+        self.clock.see(event.time);
+        if self.error.is_some() || !self.is_shown(event) {
+            return false;
+        }
+        self.columns.fill(event, bus);
+        self.write_line(event, bus);
+        true
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.finish()
+    }
+
+    fn finish(&mut self) -> io::Result<()> {
         match self.error.take() {
             Some(error) => Err(error),
             None => self.output.flush(),
         }
     }
 
-    /// Whether writing failed, so that more work is in vain.
-    pub fn has_failed(&self) -> bool {
+    fn has_failed(&self) -> bool {
         self.error.is_some()
     }
 }

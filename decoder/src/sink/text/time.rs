@@ -4,20 +4,7 @@ use jiff::tz::TimeZone;
 
 use crate::ascii::{push_blanks, push_decimal, push_digits};
 use crate::frame::Timestamp;
-
-/// What the time column shows, as candump's `-t`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum TimeColumn {
-    /// `z`: seconds since the first frame.
-    #[default]
-    Zero,
-    /// `a`: seconds as recorded.
-    Absolute,
-    /// `d`: seconds since the line before.
-    Delta,
-    /// `A`: date and time, UTC.
-    Date,
-}
+use crate::sink::options::TimeColumn;
 
 /// Turns times into the column.
 #[derive(Debug, Clone)]

@@ -17,7 +17,7 @@ use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::findings::Judged;
 
 use super::captures::Source;
-use crate::cli::{CheckArgs, FindingFormat, InputArgs};
+use crate::cli::{CheckArgs, InputArgs};
 use crate::cmd::decoding::{Watcher, decode_quietly};
 use crate::cmd::input::read_options;
 use crate::record::format;
@@ -107,10 +107,7 @@ impl Bench<'_> {
         let has_failed = failure.is_some();
         let frames = decoded.decoder.frames();
         let mut judged = Judged { capture, frames, first, last, findings, failure, ..Judged::default() };
-        if matches!(
-            self.arguments.format,
-            FindingFormat::Sarif | FindingFormat::Github | FindingFormat::Junit
-        ) {
+        if self.arguments.format.has_lines {
             judged.lines = lines(path, &self.arguments.input, &judged.frames_of_findings());
         }
         Done { judged: Some(judged), said, has_failed }

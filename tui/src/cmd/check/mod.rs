@@ -10,14 +10,12 @@ use std::sync::Arc;
 use anyhow::Context as _;
 use cobscope_decoder::rules::Setup;
 use cobscope_decoder::session::SessionOptions;
-use cobscope_decoder::sink::findings::text::{self, TextOptions};
-use cobscope_decoder::sink::findings::{Report, github, jsonl, junit, sarif};
+use cobscope_decoder::sink::findings::{Report, TextOptions};
 
 use super::input::{catalogue, common_catalogue, options_of, setup};
 use super::messages::{Refusal, complain};
-use super::output::is_colored;
-use super::output::{ensure_not_read, files_read, output, told};
-use crate::cli::{CheckArgs, FindingFormat};
+use super::output::{ensure_not_read, files_read, is_colored, output, told};
+use crate::cli::CheckArgs;
 use crate::exit_code::Exit;
 use captures::Source;
 use known::Known;
@@ -96,17 +94,7 @@ fn ready(arguments: &CheckArgs) -> anyhow::Result<(SessionOptions, Arc<Setup>)> 
 }
 
 fn write(report: &Report, arguments: &CheckArgs, output: &mut dyn Write) -> io::Result<()> {
-    let mut text = String::new();
-    match arguments.format {
-        FindingFormat::Text => {
-            let color = is_colored(arguments.color, arguments.output.is_some());
-            let options = TextOptions { color, verbose: arguments.verbose, coverage: arguments.coverage };
-            text::write(report, options, &mut text);
-        }
-        FindingFormat::Jsonl => return jsonl::write(report, output),
-        FindingFormat::Junit => junit::write(report, &mut text),
-        FindingFormat::Sarif => sarif::write(report, &mut text),
-        FindingFormat::Github => github::write(report, &mut text),
-    }
-    output.write_all(text.as_bytes())
+    let color = is_colored(arguments.color, arguments.output.is_some());
+    let options = TextOptions { color, verbose: arguments.verbose, coverage: arguments.coverage };
+    (arguments.format.write)(report, options, output)
 }

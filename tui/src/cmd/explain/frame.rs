@@ -12,6 +12,7 @@ use cobscope_decoder::profile::device::Direction;
 use cobscope_decoder::profile::object::Numbers;
 use cobscope_decoder::profile::{self, Device, NothingKnown, Owner, Resolver, Value};
 use cobscope_decoder::session::{AssignedBy, Assignment, Bus, ProtocolChoice, SessionOptions};
+use cobscope_decoder::sink::EventSink as _;
 use cobscope_decoder::sink::text::{PdoLines, Text, TextOptions};
 use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::wire::canopen::sdo::{self, Payload, Phase, Sdo};

@@ -14,13 +14,12 @@ use cobscope_decoder::finding::Severity;
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::rules::{Engine, Judge, Setup};
 use cobscope_decoder::session::{Bus, Buses, Observer};
-use cobscope_decoder::sink::findings::text::{self, TextOptions};
-use cobscope_decoder::sink::findings::{Judged, Report, jsonl};
+use cobscope_decoder::sink::findings::{FINDING_FORMATS, Judged, Report, TextOptions};
 use cobscope_decoder::words::plural;
 
 use super::pump::{Came, Pump};
 use super::sources::{is_down, open, recorder, shown};
-use crate::cli::{Format, LiveArgs};
+use crate::cli::LiveArgs;
 use crate::cmd::input::{check_rules_of, session_options, setup};
 use crate::cmd::messages::{Refusal, note};
 use crate::cmd::output::{files_read, is_colored, print, told};
@@ -222,15 +221,14 @@ impl Watch {
         let judged = Judged { capture, frames, first, last, findings, ..Judged::default() };
         let report = Report { captures: vec![judged], least: arguments.fail_on.least(), ..Report::default() };
         let mut verdict = Vec::new();
-        if arguments.lines.format == Format::Jsonl {
+        let color = is_colored(arguments.lines.color, arguments.lines.output.is_some());
+        let options = TextOptions { color, verbose: arguments.lines.verbose, coverage: false };
+        // The first format, text, where events are in one that findings do not have.
+        let name = arguments.lines.format.0.map(|format| format.name);
+        let same = FINDING_FORMATS.iter().find(|format| name == Some(format.name));
+        if let Some(format) = same.or(FINDING_FORMATS.first()) {
             // Memory takes all of it.
-            let _ = jsonl::write(&report, &mut verdict);
-        } else {
-            let color = is_colored(arguments.lines.color, arguments.lines.output.is_some());
-            let options = TextOptions { color, verbose: arguments.lines.verbose, coverage: false };
-            let mut page = String::new();
-            text::write(&report, options, &mut page);
-            verdict = page.into_bytes();
+            let _ = (format.write)(&report, options, &mut verdict);
         }
         let exit = if report.fails() { Exit::Findings } else { Exit::Clean };
         exit.max(written).max(print(&verdict))
@@ -250,8 +248,7 @@ struct Looker {
 
 impl Looker {
     fn new(arguments: &LiveArgs, setup: &Arc<Setup>, printer: Printer) -> Self {
-        let judges =
-            arguments.check || (!arguments.lines.no_findings && arguments.lines.format != Format::None);
+        let judges = arguments.check || (!arguments.lines.no_findings && arguments.lines.format.0.is_some());
         Self {
             engine: judges.then(|| Engine::new(Arc::clone(setup))),
             printer,

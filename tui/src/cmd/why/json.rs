@@ -3,6 +3,7 @@
 use cobscope_decoder::event::{Certainty, Event};
 use cobscope_decoder::frame::{BusIndex, Timestamp};
 use cobscope_decoder::session::{Bus, Buses};
+use cobscope_decoder::sink::EventSink as _;
 use cobscope_decoder::sink::jsonl::Jsonl;
 use cobscope_decoder::why::{Grade, Moment, NodeState, PointState, Quiet, Report, Rhythm};
 use cobscope_decoder::wire::NodeId;

@@ -1,0 +1,49 @@
+//! Texts of a capture on their way to a terminal.
+
+/// `text` with control characters, and those that turn the direction of writing, shown as `\u{1b}`, so that
+/// nothing from a capture steers a terminal.
+pub fn escape(text: &str) -> std::borrow::Cow<'_, str> {
+    if !is_plain(text.as_bytes()) && text.chars().any(steers) {
+        text.chars()
+            .map(|c| if steers(c) { c.escape_default().to_string() } else { c.to_string() })
+            .collect::<String>()
+            .into()
+    } else {
+        text.into()
+    }
+}
+
+/// Appends text escaped; bytes that are no UTF-8 are replaced.
+pub(super) fn push_escaped(out: &mut Vec<u8>, text: &[u8]) {
+    if is_plain(text) {
+        out.extend_from_slice(text);
+    } else {
+        out.extend_from_slice(escape(&String::from_utf8_lossy(text)).as_bytes());
+    }
+}
+
+/// Control characters, and the marks that reorder text (Unicode's bidirectional formatting).
+fn steers(c: char) -> bool {
+    c.is_control() || matches!(c, '\u{200E}' | '\u{200F}' | '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}')
+}
+
+/// Surely without characters that steer: none of ASCII, and not the first bytes of those beyond it.
+fn is_plain(text: &[u8]) -> bool {
+    let special = |byte: u8| u8::from(byte < b' ') | u8::from(matches!(byte, 0x7F | 0xC2 | 0xE2));
+    text.iter().fold(0, |found, byte| found | special(*byte)) == 0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn control_characters_are_shown_not_sent() {
+        assert_eq!(escape("→ é 5 °C"), "→ é 5 °C");
+        assert_eq!(escape("a\u{202e}b – c"), "a\\u{202e}b – c");
+        assert_eq!(escape("\x1b[2J\u{9b}2J\x7f"), "\\u{1b}[2J\\u{9b}2J\\u{7f}");
+        let mut out = Vec::new();
+        push_escaped(&mut out, b"a\tb \xC2\x9B \xC2\xB0");
+        assert_eq!(String::from_utf8(out).unwrap(), "a\\tb \\u{9b} °");
+    }
+}
