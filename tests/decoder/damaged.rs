@@ -58,6 +58,14 @@ fn pcap() -> Vec<u8> {
     bytes
 }
 
+/// The capture that was made up for a format.
+fn sample(format: &str) -> Option<Vec<u8>> {
+    let inputs = fs::read_dir(workspace().join("fixtures/fuzz").join(format)).unwrap();
+    let mut paths = inputs.map(|entry| entry.unwrap().path());
+    let path = paths.find(|path| path.file_stem().is_some_and(|stem| stem == "sample"))?;
+    Some(fs::read(path).unwrap())
+}
+
 fn fixture(name: &str) -> Vec<u8> {
     fs::read(workspace().join("fixtures").join(name)).unwrap()
 }
@@ -68,17 +76,12 @@ fn captures() -> Vec<(&'static str, Vec<u8>)> {
         ("pcap", pcap()),
         ("blf", fixture("recorders/stored.blf")),
         ("mdf4", fixture("recorders/unsorted.mf4")),
-        ("busmaster", fixture("fuzz/busmaster/sample.log")),
-        ("carbus", fixture("fuzz/carbus/sample.trc")),
-        ("microchip", fixture("fuzz/microchip/sample.log")),
-        ("canking", fixture("fuzz/canking/sample.txt")),
-        ("crtd", fixture("fuzz/crtd/sample.crtd")),
-        ("roadster", fixture("fuzz/roadster/sample.txt")),
         ("csv", fixture("fuzz/csv/python-can.csv")),
         ("candump", fixture("dialects/candump_ta.txt")),
         ("asc", fixture("dialects/log2asc.asc")),
     ];
     captures.extend(WRITABLE.iter().map(|format| (format.name, written(format.name, Packing::None))));
+    captures.extend(FORMATS.iter().filter_map(|format| Some((format.name, sample(format.name)?))));
     captures
 }
 

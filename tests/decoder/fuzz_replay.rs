@@ -1,6 +1,7 @@
 //! Inputs the fuzzers found, through the functions they were found with.
 
 use std::fs;
+use std::panic::RefUnwindSafe;
 use std::path::Path;
 
 use cobscope_decoder::capture::{FORMATS, ReadOptions};
@@ -9,7 +10,7 @@ use crate::harness::{self, TARGETS};
 use crate::support::workspace;
 
 /// Runs `target` with the name of the input ready for the message of its failure.
-fn replay(target: fn(&[u8]), path: &Path) {
+fn replay(target: impl Fn(&[u8]) + RefUnwindSafe, path: &Path) {
     let bytes = fs::read(path).unwrap();
     let outcome = std::panic::catch_unwind(|| target(&bytes));
     assert!(outcome.is_ok(), "{} fails: see above", path.display());
@@ -17,27 +18,30 @@ fn replay(target: fn(&[u8]), path: &Path) {
 
 #[test]
 fn kept_inputs_of_every_target() {
-    let folder = workspace().join("fixtures/fuzz");
-    for (name, target) in TARGETS {
-        let inputs: Vec<_> = fs::read_dir(folder.join(name)).unwrap().collect();
+    let inputs = |name: &str| {
+        let folder = workspace().join("fixtures/fuzz").join(name);
+        let inputs: Vec<_> = fs::read_dir(folder).unwrap().map(|input| input.unwrap().path()).collect();
         assert!(!inputs.is_empty(), "{name} has no inputs");
-        for input in inputs {
-            replay(*target, &input.unwrap().path());
-        }
+        inputs
+    };
+    for (name, target) in TARGETS {
+        inputs(name).iter().for_each(|path| replay(target, path));
+    }
+    for format in FORMATS {
+        let read = |bytes: &[u8]| harness::reader::holds_its_contract(format.name, bytes);
+        inputs(format.name).iter().for_each(|path| replay(read, path));
     }
 }
 
 /// Whatever a capture is, every reader gets it, not only the one that recognises it.
 #[test]
 fn malformed_captures_through_every_reader() {
-    let is_reader = |name: &str| FORMATS.iter().any(|format| format.name == name);
     for entry in fs::read_dir(workspace().join("fixtures/malformed")).unwrap() {
         let path = entry.unwrap().path();
-        for (name, target) in TARGETS {
-            if is_reader(name) || *name == "any" {
-                replay(*target, &path);
-            }
+        for format in FORMATS {
+            replay(|bytes: &[u8]| harness::reader::holds_its_contract(format.name, bytes), &path);
         }
+        replay(harness::any, &path);
     }
 }
 

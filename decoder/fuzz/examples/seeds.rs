@@ -1,10 +1,10 @@
-//! Fills the corpora with what the fixtures hold: `seeds FIXTURES CORPUS`.
+//! Fills the corpora with what the fixtures hold, and prints the formats there are: `seeds FIXTURES CORPUS`.
 
 use std::error::Error;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use cobscope_decoder::capture::{Batch, ReadOptions, Reader};
+use cobscope_decoder::capture::{Batch, FORMATS, ReadOptions, Reader};
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags};
 use cobscope_decoder::wire::isotp::{Addresses, IsoTp, parse};
 use cobscope_fuzz::harness::session::encode;
@@ -67,6 +67,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         for frame in &frames {
             payload(&corpus, frame)?;
         }
+    }
+    for format in FORMATS {
+        println!("{} {}", format.name, if format.is_text { "text" } else { "binary" });
     }
     Ok(())
 }

@@ -5,48 +5,36 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::thread;
 
-use cobscope_decoder::capture::{Holds, Losses, Notice, WRITABLE, WritableFormat, WriteOptions};
+use cobscope_decoder::capture::{FORMATS, Holds, Losses, Notice, WRITABLE, WritableFormat, WriteOptions};
 use cobscope_decoder::frame::{Frame, Timestamp};
 
 use super::{Content, Folder, fixture, log};
 use crate::support::workspace;
 
-/// Folders of captures; those of fuzzers only as far as their files were made up to be read.
-const FOLDERS: &[&str] = &[
-    "canopen",
-    "devices",
-    "dialects",
-    "incidents",
-    "j1939",
-    "machine",
-    "malformed",
-    "recorders",
-    "uds",
-    "fuzz/busmaster",
-    "fuzz/canking",
-    "fuzz/carbus",
-    "fuzz/crtd",
-    "fuzz/csv",
-    "fuzz/microchip",
-    "fuzz/roadster",
-];
+/// Folders of captures.
+const FOLDERS: &[&str] =
+    &["canopen", "devices", "dialects", "incidents", "j1939", "machine", "malformed", "recorders", "uds"];
+
+/// The same, and captures of text formats that were made up to be read. What a fuzzer found has no suffix.
+fn files() -> impl Iterator<Item = PathBuf> {
+    let list = |folder: PathBuf| fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let texts = FORMATS.iter().filter(|format| format.is_text);
+    let made_up = texts.flat_map(move |format| list(fixture("fuzz").join(format.name)));
+    let made_up = made_up.filter(|path| path.extension().is_some());
+    FOLDERS.iter().flat_map(move |folder| list(fixture(folder))).chain(made_up)
+}
 
 /// Captures with their content.
 fn captures() -> Vec<(PathBuf, Content)> {
     let mut captures = Vec::new();
-    for folder in FOLDERS {
-        for entry in fs::read_dir(fixture(folder)).unwrap() {
-            let path = entry.unwrap().path();
-            let suffix = path.extension().unwrap_or_default().to_string_lossy().into_owned();
-            // Two fixtures of one set of frames say nothing more of a format.
-            if matches!(suffix.as_str(), "py" | "toml" | "sh")
-                || path.to_string_lossy().contains(".expected.")
-            {
-                continue;
-            }
-            if let Some(content) = Content::of(&path) {
-                captures.push((path, content));
-            }
+    for path in files() {
+        let suffix = path.extension().unwrap_or_default().to_string_lossy().into_owned();
+        // Two fixtures of one set of frames say nothing more of a format.
+        if matches!(suffix.as_str(), "py" | "toml" | "sh") || path.to_string_lossy().contains(".expected.") {
+            continue;
+        }
+        if let Some(content) = Content::of(&path) {
+            captures.push((path, content));
         }
     }
     captures.sort_by(|(one, _), (other, _)| one.cmp(other));

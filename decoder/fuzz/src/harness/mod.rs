@@ -39,23 +39,8 @@ pub use wire::{
 /// A target: its name and its function.
 pub type Target = (&'static str, fn(&[u8]));
 
-/// All targets.
+/// All targets but readers, which [`reader::holds_its_contract`] is for: by the names of their formats.
 pub const TARGETS: &[Target] = &[
-    ("candump", candump),
-    ("trc", trc),
-    ("asc", asc),
-    ("busmaster", busmaster),
-    ("crtd", crtd),
-    ("carbus", carbus),
-    ("microchip", microchip),
-    ("canking", canking),
-    ("roadster", roadster),
-    ("csv", csv),
-    ("pcap", pcap),
-    ("pcapng", pcapng),
-    ("blf", blf),
-    ("mdf4", mdf4),
-    ("mcap", mcap),
     ("slcan", slcan),
     ("socketcand", socketcand),
     ("any", any),
@@ -79,78 +64,3 @@ pub const TARGETS: &[Target] = &[
     ("expectations", expectations),
     ("filter", filter),
 ];
-
-/// The candump reader.
-pub fn candump(data: &[u8]) {
-    reader::holds_its_contract("candump", data);
-}
-
-/// The reader of PEAK traces.
-pub fn trc(data: &[u8]) {
-    reader::holds_its_contract("trc", data);
-}
-
-/// The ASC reader.
-pub fn asc(data: &[u8]) {
-    reader::holds_its_contract("asc", data);
-}
-
-/// The reader of BUSMASTER's captures.
-pub fn busmaster(data: &[u8]) {
-    reader::holds_its_contract("busmaster", data);
-}
-
-/// The reader of CRTD.
-pub fn crtd(data: &[u8]) {
-    reader::holds_its_contract("crtd", data);
-}
-
-/// The reader of CARBUS Analyzer traces.
-pub fn carbus(data: &[u8]) {
-    reader::holds_its_contract("carbus", data);
-}
-
-/// The reader of Microchip's CAN BUS Analyzer.
-pub fn microchip(data: &[u8]) {
-    reader::holds_its_contract("microchip", data);
-}
-
-/// The reader of CanKing's text.
-pub fn canking(data: &[u8]) {
-    reader::holds_its_contract("canking", data);
-}
-
-/// The reader of the first OVMS text.
-pub fn roadster(data: &[u8]) {
-    reader::holds_its_contract("roadster", data);
-}
-
-/// The reader of CSV.
-pub fn csv(data: &[u8]) {
-    reader::holds_its_contract("csv", data);
-}
-
-/// The pcap reader.
-pub fn pcap(data: &[u8]) {
-    reader::holds_its_contract("pcap", data);
-}
-
-/// The pcapng reader.
-pub fn pcapng(data: &[u8]) {
-    reader::holds_its_contract("pcapng", data);
-}
-
-/// The BLF reader.
-pub fn blf(data: &[u8]) {
-    reader::holds_its_contract("blf", data);
-}
-
-/// The MCAP reader.
-pub fn mcap(data: &[u8]) {
-    reader::holds_its_contract("mcap", data);
-}
-
-/// The MDF4 reader.
-pub fn mdf4(data: &[u8]) {
-    reader::holds_its_contract("mdf4", data);
-}
