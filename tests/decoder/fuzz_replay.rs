@@ -25,11 +25,15 @@ fn kept_inputs_of_every_target() {
         inputs
     };
     for (name, target) in TARGETS {
-        inputs(name).iter().for_each(|path| replay(target, path));
+        for path in inputs(name) {
+            replay(target, &path);
+        }
     }
     for format in FORMATS {
         let read = |bytes: &[u8]| harness::reader::holds_its_contract(format.name, bytes);
-        inputs(format.name).iter().for_each(|path| replay(read, path));
+        for path in inputs(format.name) {
+            replay(read, &path);
+        }
     }
 }
 
