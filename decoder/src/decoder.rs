@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::event::{Event, EventKind, FrameRange, Protocol};
 use crate::frame::{BusIndex, Frame, LinkState, Timestamp};
-use crate::session::{BusDecoder, Buses, Observer, SessionOptions};
+use crate::session::{Bus, BusDecoder, Buses, Observer, SessionOptions};
 
 use crate::capture::{BusNames, Notice, Place};
 
@@ -159,6 +159,11 @@ impl Decoder {
     /// Buses in order of appearance.
     pub fn buses(&self) -> Buses<'_> {
         Buses::new(&self.buses)
+    }
+
+    /// The buses of a decoder that takes no more frames.
+    pub(crate) fn into_buses(self) -> Vec<Bus> {
+        self.buses.into_iter().map(BusDecoder::into_bus).collect()
     }
 
     /// Bytes a checkpoint holds of its own; the object stores are shared until they change.

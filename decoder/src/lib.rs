@@ -1,31 +1,59 @@
-//! CAN captures to annotated events of CANopen, J1939 and UDS devices.
+//! Decodes CAN captures and live CAN frames to events of CANopen, J1939/ISOBUS and UDS devices, and judges them by rules.
+//!
+//! [`Pipeline`] does all of it: it reads a capture from any [`Read`](std::io::Read) (candump, pcap, ASC, BLF, TRC, MDF4, MCAP, CSV
+//! and others, plain or compressed), or takes frames one by one, and calls an [`Observer`] with each [`Event`].
+//!
+//! ```
+//! use cobscope_decoder::{Bus, Event, NodeId, Pipeline};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! # let capture = &b"(1700000000.000000) can0 702#00\n(1700000000.500000) can0 182#08A01F0020\n"[..];
+//! # let mut printed = Vec::new();
+//! # macro_rules! println { ($($part:tt)*) => { printed.push(format!($($part)*)) } }
+//! // let capture = std::fs::File::open("customer.log")?;
+//! let pipeline = Pipeline::builder().device(NodeId::Canopen(2), "rexroth-sydfec").build()?;
+//! let summary = pipeline.read(capture, &mut |event: &Event, bus: &Bus| {
+//!     println!("{} {}", bus.name(), event.kind.name());
+//!     for signal in event.signals() {
+//!         println!("  {} = {}", signal.name().unwrap_or_default(), signal.text());
+//!     }
+//! })?;
+//! for group in summary.findings.counting() {
+//!     println!("{}: {} [{}]", group.severity.name(), group.text, group.rule);
+//! }
+//! # assert_eq!(&printed[..2], ["can0 boot-up", ""], "{printed:?}");
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Where to go from here
+//!
+//! | task | start at |
+//! | --- | --- |
+//! | Read a capture | [`Pipeline::read`], example `print_events` |
+//! | Values of PDOs and messages, with units | [`Event::signals`], [`Signal`], example `signal_table` |
+//! | Verdicts, for example in CI | [`Summary::findings`], [`Severity`], example `findings` |
+//! | Frames of a live bus | [`Pipeline::push`], [`Pipeline::advance`], example `live_frames` |
+//! | Names, devices, bit rates, databases | [`PipelineBuilder`] |
+//! | State of nodes and objects | [`Bus`], [`Node`] |
+//! | Choose events by an expression | [`Filter`] |
+//! | Write JSON Lines, text, CSV, MCAP, Parquet | [`sink`] |
+//! | Frames only, or writing captures | [`capture`] |
+//! | Single stages | [`capture::Reader`], [`Decoder`], [`rules::Engine`] |
+//!
+//! # Shape
 //!
 //! ```text
 //! bytes ─capture─▶ Frame ─session: route─▶ wire ─▶ Message ─session (+ profile)─▶ Event ─rules─▶ Finding ─▶ sink, query, statistics
 //! ```
 //!
-//! Each folder is one of these arrows and imports only from those left of it; [`decoder`] alone knows all.
-//! Nothing here opens a file, reads a clock or starts a thread: time is the frames' time.
+//! Each module is one of these arrows and imports only from those left of it; [`pipeline`] knows all. The crate opens no file,
+//! reads no clock and starts no thread: time is the frames' time. Malformed input never panics and never aborts decoding: it
+//! becomes an event.
 //!
-//! ```
-//! use cobscope_decoder::capture::{Batch, ReadOptions, Reader};
-//! use cobscope_decoder::decoder::Decoder;
-//! use cobscope_decoder::event::Event;
-//! use cobscope_decoder::session::{Bus, SessionOptions};
+//! # Features
 //!
-//! let capture = &b"(1700000000.000000) can0 705#00\n(1700000000.500000) can0 705#7F\n"[..];
-//! let mut reader = Reader::open(capture, &ReadOptions::default())?;
-//! let mut decoder = Decoder::new(SessionOptions::default());
-//! let mut batch = Batch::new();
-//! let mut kinds = Vec::new();
-//! while reader.read(&mut batch)? {
-//!     for frame in batch.frames() {
-//!         decoder.push(frame, reader.buses(), &mut |event: &Event, _: &Bus| kinds.push(event.kind.name()));
-//!     }
-//! }
-//! assert_eq!(kinds, ["boot-up", "nmt-state", "heartbeat"]);
-//! # Ok::<(), cobscope_decoder::capture::CaptureError>(())
-//! ```
+//! All are on by default: `gzip` and `zstd` (compressed captures), `mcap` (reads and writes MCAP), `parquet` (writes Parquet).
 
 mod ascii;
 pub mod bus_file;
@@ -34,6 +62,7 @@ pub mod decoder;
 pub mod event;
 pub mod finding;
 pub mod frame;
+pub mod pipeline;
 pub mod profile;
 pub mod query;
 pub mod replay;
@@ -45,3 +74,13 @@ pub mod statistics;
 pub mod why;
 pub mod wire;
 pub mod words;
+
+pub use decoder::Decoder;
+pub use event::{Event, EventKind};
+pub use finding::{Findings, Severity};
+pub use frame::{BusIndex, CanId, Frame, FrameFlags, Timestamp};
+pub use pipeline::{Pipeline, PipelineBuilder, PipelineError, Summary};
+pub use profile::Signal;
+pub use query::Filter;
+pub use session::{Bus, Node, Observer};
+pub use wire::NodeId;

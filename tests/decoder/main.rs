@@ -12,6 +12,7 @@ mod device_files;
 mod device_rules;
 mod devices;
 mod dialects;
+mod examples;
 mod expectations;
 mod expected;
 mod fields;

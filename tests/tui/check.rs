@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use crate::cli::{Output, run};
+use crate::docs::is_blessing;
 use crate::support::workspace;
 
 const LOST: &str = "fixtures/rules/node-lost.log";
@@ -409,7 +410,7 @@ fn the_rules_are_listed_and_explained() {
 #[test]
 fn our_own_fixtures_are_checked_as_the_recipe_says() {
     const BASELINE: &str = "fixtures/baseline.json";
-    if std::env::var_os("COBSCOPE_BLESS").is_some() {
+    if is_blessing() {
         check(&[&["--baseline", BASELINE, "--update-baseline"], &RECIPE[..]].concat());
     }
     let output = check(&[&["--baseline", BASELINE, "--fail-on", "warning"], &RECIPE[..]].concat());

@@ -73,7 +73,7 @@ fn schema() -> Value {
 
 #[test]
 fn the_schema_is_that_of_the_table() {
-    is_current("check.schema.json", &(serde_json::to_string_pretty(&schema()).unwrap() + "\n"));
+    is_current("docs/check.schema.json", &(serde_json::to_string_pretty(&schema()).unwrap() + "\n"));
 }
 
 /// Output of many kinds: findings with and without node, suppressed, accepted, unreadable captures.

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use cobscope_decoder::profile::Catalogue;
 
 use crate::cli::run;
+use crate::docs::is_current;
 
 /// A folder of this test with one profile in it.
 fn folder(name: &str, text: &str) -> PathBuf {
@@ -34,19 +35,18 @@ const PUMP: &str = "id = \"acme-pump\"\ntitle = \"Pump\"\nvendor = \"Acme\"\next
 #[test]
 fn all_devices_are_listed_with_their_variants() {
     let output = run(&["profiles", "list"], "");
-    let expected = "\
-cia402                   CiA 402    Drive by the profile for drives, as far as the standard says
-danfoss-pve-ci           PVEA       Electro-hydraulic actuator of a proportional valve
-  danfoss-pve-ci:pvea      PVEA (unless another is named)
-  danfoss-pve-ci:pveo      PVEO
-rexroth-ifb-iac          IFB/IAC    Proportional directional valve on the bus, with pQ or axis controller (IAC-P)
-rexroth-sydfec           SYDFEC     Pressure and flow control of a pump
-rexroth-vpcd             VPCD       Angle, pressure and power control of an axial piston pump
-wandfluh-md2             MD2 amp    Amplifier or controller for up to eight proportional valves
-  wandfluh-md2:amplifier   MD2 amp (unless another is named)
-  wandfluh-md2:controller  MD2 ctrl
-";
-    assert_eq!((output.stdout.as_str(), output.code), (expected, 0));
+    assert_eq!((output.stderr.as_str(), output.code), ("", 0));
+    is_current("tests/tui/profiles_list.txt", &output.stdout);
+    let catalogue = Catalogue::default();
+    let mut expected = Vec::new();
+    for id in catalogue.ids() {
+        let variants = &catalogue.device(&id).unwrap().variants;
+        let variants = variants.iter().map(|variant| format!("{id}:{}", variant.id)).collect::<Vec<_>>();
+        expected.push(id);
+        expected.extend(variants);
+    }
+    let listed: Vec<&str> = output.stdout.lines().filter_map(|line| line.split_whitespace().next()).collect();
+    assert_eq!(listed, expected);
 }
 
 #[test]

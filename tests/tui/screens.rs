@@ -25,6 +25,7 @@ use ratatui::backend::TestBackend;
 use ratatui::crossterm::event::{KeyModifiers, MouseButton, MouseEvent, MouseEventKind};
 use ratatui::style::Modifier;
 
+use crate::docs::is_blessing;
 use crate::support::workspace;
 
 /// Columns a selection covers at least; the cursor of a prompt is less.
@@ -168,7 +169,7 @@ fn every_session_shows_what_stands_in_its_file() {
         if seen == expected {
             continue;
         }
-        if std::env::var_os("COBSCOPE_BLESS").is_some() {
+        if is_blessing() {
             fs::write(&path, seen).unwrap();
             continue;
         }

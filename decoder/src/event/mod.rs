@@ -8,6 +8,7 @@ mod finding;
 mod frame_range;
 mod j1939;
 mod node;
+mod signals;
 mod transfer;
 mod uds;
 

@@ -245,6 +245,36 @@ impl Layout {
     }
 }
 
+impl<'a> Signal<'a> {
+    /// Name, if known; else [`Field::id`] identifies it.
+    pub fn name(&self) -> Option<&'a str> {
+        self.field.name()
+    }
+
+    /// Quantity in [`Self::unit`]; `None` if no scale is known, and for special values such as "not available".
+    pub fn scaled(&self) -> Option<f64> {
+        self.field.meaning.as_deref()?.scaled(&self.value)
+    }
+
+    /// Unit of the scaled value; empty for plain numbers.
+    pub fn unit(&self) -> &'a str {
+        self.field.meaning.as_deref().map_or("", |meaning| &meaning.unit)
+    }
+
+    /// Name of the value: of an enumeration, or of a special value.
+    pub fn label(&self) -> Option<&'a str> {
+        self.field.meaning.as_deref()?.label(&self.value)
+    }
+
+    /// Value as people write it: `157.5 bar`, `pressure control (2)`, `80000185h`.
+    pub fn text(&self) -> String {
+        self.field
+            .meaning
+            .as_deref()
+            .map_or_else(|| self.value.to_string(), |meaning| meaning.show(&self.value))
+    }
+}
+
 impl Field {
     /// A value of an object whose bits stand as CANopen and J1939 order them; nothing more is known of it.
     pub fn of_object(object: ObjectAddress, bit: u16, bits: u16, data_type: DataType) -> Self {

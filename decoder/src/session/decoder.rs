@@ -77,6 +77,11 @@ impl BusDecoder {
         &self.shared.bus
     }
 
+    /// What is known of the bus, after its last frame.
+    pub(crate) fn into_bus(self) -> Bus {
+        self.shared.bus
+    }
+
     /// Takes the next frame.
     pub fn push(&mut self, frame: &Frame, out: &mut dyn Observer) {
         if let Some(stamp) = frame.time {

@@ -79,23 +79,16 @@ impl Named {
 
 /// The values of an event, if it has any whose meaning is known.
 pub(super) fn carried(event: &Event) -> Option<Carried<'_>> {
-    let (group, layout, payload) = match &event.kind {
-        EventKind::Pdo(pdo) if !pdo.is_request => {
-            let group = Group::Pdo(event.bus, event.node?.number(), pdo.name);
-            (group, pdo.layout.as_ref()?, pdo.payload())
-        }
+    let (layout, payload) = event.laid_out()?;
+    let group = match &event.kind {
+        EventKind::Pdo(pdo) => Group::Pdo(event.bus, event.node?.number(), pdo.name),
         EventKind::J1939Message(message) => {
-            let group = Group::Parameters(event.bus, message.id.source, message.id.pgn.number());
-            (group, message.layout.as_ref()?, message.payload())
+            Group::Parameters(event.bus, message.id.source, message.id.pgn.number())
         }
         EventKind::J1939Transfer(transfer) => {
-            let group = Group::Parameters(event.bus, transfer.source, transfer.pgn?.number());
-            (group, transfer.layout.as_ref()?, transfer.data.as_ref())
+            Group::Parameters(event.bus, transfer.source, transfer.pgn?.number())
         }
-        EventKind::Frame(frame) => {
-            let group = Group::Frame(event.bus, frame.frame.id);
-            (group, &frame.message.as_ref()?.layout, frame.frame.data())
-        }
+        EventKind::Frame(frame) => Group::Frame(event.bus, frame.frame.id),
         _ => return None,
     };
     Some(Carried { group, layout, payload })

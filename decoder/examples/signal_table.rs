@@ -1,0 +1,33 @@
+//! Prints the values of one signal of a node as a table: seconds, value, unit or label.
+//!
+//! `cargo run -p cobscope-decoder --example signal_table -- fixtures/devices/pve.log 32 danfoss-pve-ci "Spool position"`
+
+use std::error::Error;
+use std::fs::File;
+use std::io::{Write as _, stdout};
+
+use cobscope_decoder::{Bus, Event, NodeId, Pipeline, Signal};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [capture, node, profile, name] = &arguments[..] else {
+        return Err("usage: signal_table CAPTURE NODE PROFILE SIGNAL".into());
+    };
+    let node: NodeId = node.parse()?;
+    let pipeline = Pipeline::builder().device(node, profile).build()?;
+    let mut table = String::new();
+    pipeline.read(File::open(capture)?, &mut |event: &Event, _: &Bus| {
+        let time = event.time.map_or_else(|| "-".into(), |time| time.to_string());
+        let wanted = event.signals().filter(|signal| event.node == Some(node) && signal.name() == Some(name));
+        table.extend(wanted.map(|signal| format!("{time}  {}\n", row(&signal))));
+    })?;
+    Ok(stdout().write_all(table.as_bytes())?)
+}
+
+fn row(signal: &Signal<'_>) -> String {
+    match (signal.label(), signal.scaled()) {
+        (Some(label), _) => label.to_owned(),
+        (None, Some(quantity)) => format!("{quantity:8.2} {}", signal.unit()),
+        (None, None) => signal.value.to_string(),
+    }
+}

@@ -1,0 +1,39 @@
+//! Values in the payload of an event.
+
+use std::sync::Arc;
+
+use super::{Event, EventKind};
+use crate::profile::{Layout, Signal};
+
+impl Event {
+    /// Values of a PDO, of a J1939 message, or of a frame that a database describes. Empty for all other events, and if the
+    /// layout of the payload is unknown.
+    ///
+    /// ```
+    /// use cobscope_decoder::{Bus, Event, NodeId, Pipeline};
+    ///
+    /// // The status of a pump: TPDO1 of node 2.
+    /// let capture = &b"(1700000000.0) can0 702#05\n(1700000000.1) can0 182#00000A00\n"[..];
+    /// let pipeline = Pipeline::builder().device(NodeId::Canopen(2), "rexroth-sydfec").build()?;
+    /// let mut lines = Vec::new();
+    /// pipeline.read(capture, &mut |event: &Event, _: &Bus| {
+    ///     lines.extend(event.signals().map(|signal| format!("{:?} = {}", signal.name(), signal.text())));
+    /// })?;
+    /// # let _ = lines;
+    /// # Ok::<(), cobscope_decoder::PipelineError>(())
+    /// ```
+    pub fn signals(&self) -> impl Iterator<Item = Signal<'_>> {
+        self.laid_out().into_iter().flat_map(|(layout, payload)| layout.signals(payload))
+    }
+
+    /// Layout and bytes of the values it carries.
+    pub(crate) fn laid_out(&self) -> Option<(&Arc<Layout>, &[u8])> {
+        match &self.kind {
+            EventKind::Pdo(pdo) if !pdo.is_request => Some((pdo.layout.as_ref()?, pdo.payload())),
+            EventKind::J1939Message(message) => Some((message.layout.as_ref()?, message.payload())),
+            EventKind::J1939Transfer(transfer) => Some((transfer.layout.as_ref()?, transfer.data.as_ref())),
+            EventKind::Frame(frame) => Some((&frame.message.as_ref()?.layout, frame.frame.data())),
+            _ => None,
+        }
+    }
+}
