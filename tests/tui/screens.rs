@@ -42,7 +42,10 @@ pub struct Screen {
 }
 
 impl Screen {
+    /// `command` names files from the root of the workspace.
     pub fn open(command: &str, width: u16, height: u16) -> Self {
+        // Paths are on the screen, cut where there is no room: they must not depend on where the workspace is.
+        std::env::set_current_dir(workspace()).unwrap();
         let words = shell_words(command.strip_prefix("cobscope ").unwrap());
         let (mut app, news) = cobscope::open_view(&words).unwrap();
         app.resize(width, height);
@@ -157,8 +160,6 @@ fn play(session: &str) -> String {
 
 #[test]
 fn every_session_shows_what_stands_in_its_file() {
-    // Paths are on the screen, cut where there is no room: they must not depend on where the workspace is.
-    std::env::set_current_dir(workspace()).unwrap();
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/tui/screens");
     let mut paths: Vec<_> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
     paths.sort();
