@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 
 use cobscope_decoder::capture::{Batch, Item, ReadOptions, Reader};
 use cobscope_decoder::decoder::Decoder;
-use cobscope_decoder::event::Event;
+use cobscope_decoder::event::{Event, Kind};
 use cobscope_decoder::profile::Catalogue;
 use cobscope_decoder::query::KindSet;
 use cobscope_decoder::query::fields::{Field, FieldType, table};
@@ -35,10 +35,11 @@ fn schema() -> Value {
         table().fields.iter().partition(|field| field.kinds == KindSet::ALL);
     let mut definitions = Map::new();
     let mut choices = Vec::new();
-    for kind in KindSet::ALL.names() {
+    for kind in Kind::ALL {
+        let (kind, description) = (kind.name(), kind.description());
         let own = some.iter().copied().filter(|field| field.kinds.contains_name(kind));
         let mut definition = Map::new();
-        definition.insert("description".into(), table().kinds[kind].clone().into());
+        definition.insert("description".into(), description.into());
         definition.insert("properties".into(), properties(&own.collect::<Vec<_>>(), ""));
         definitions.insert(kind.into(), definition.into());
         choices.push(json!({

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::profile::Carrier;
+use crate::profile::{Carrier, Effect};
 use crate::wire::canopen::ObjectAddress;
 
 /// A node that was recognised.
@@ -216,4 +216,22 @@ pub struct Conflict {
     pub sources: Vec<(Arc<str>, Vec<u8>)>,
     /// What it comes to.
     pub text: String,
+}
+
+/// A change in the object store.
+#[derive(Debug, Clone)]
+pub struct ObjectChange {
+    /// Object.
+    pub object: ObjectAddress,
+    /// Bytes known before.
+    pub from: Option<Vec<u8>>,
+    /// Bytes now; `None` if they fell back to something unknown.
+    pub to: Option<Vec<u8>>,
+    /// `download` or `upload`; `reset`: the device fell back to what it keeps; `restart`: a value that
+    /// waited for it took effect.
+    pub origin: &'static str,
+    /// When it acts, if known.
+    pub effect: Option<Effect>,
+    /// Whether it stays: `yes`, `no`, `needs-save`, `unknown`.
+    pub persists: Option<&'static str>,
 }

@@ -3,7 +3,6 @@
 //! `fields.toml` is the only list of fields. [`super::record::visit`] is held to it by a test; filters,
 //! the JSON schema and the reference are made from it.
 
-use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
 use serde::Deserialize;
@@ -121,8 +120,6 @@ pub struct PartField {
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FieldTable {
-    /// What each kind of event tells.
-    pub kinds: BTreeMap<String, String>,
     /// Every field, in the order of output.
     #[serde(rename = "field")]
     pub fields: Vec<Field>,
@@ -229,14 +226,6 @@ mod tests {
             panic!("{error}");
         }
         assert!(table().fields.len() > 90);
-    }
-
-    #[test]
-    fn every_kind_is_described() {
-        let described: Vec<&str> = table().kinds.keys().map(String::as_str).collect();
-        let mut all: Vec<&str> = KindSet::ALL.names().collect();
-        all.sort_unstable();
-        assert_eq!(described, all);
     }
 
     #[test]

@@ -17,5 +17,5 @@ pub mod record;
 
 pub use error::FilterError;
 pub use filter::{Filter, MAX_TESTS};
-pub use kinds::{KIND_COUNT, KindSet};
+pub use kinds::KindSet;
 pub use parser::{MAX_DEPTH, MAX_LENGTH};

@@ -1,68 +1,74 @@
 //! Fields of what is about the bus and the capture, and their words.
 
-use super::{FieldValue, Fields, signals};
-use crate::event::EventKind;
-use crate::frame::FrameFlags;
+use super::{FieldValue, Fields, number_or_null, signals};
+use crate::event::Undecoded;
+use crate::frame::{FrameFlags, LinkState};
 use crate::profile;
+use crate::wire::Malformed;
+use crate::wire::canopen::test_marker::TestMarker;
 use crate::wire::error_frame::ErrorFrame;
 
-/// Kinds that are about bus and capture rather than a node.
-pub(super) fn about_the_bus(kind: &EventKind, fields: &mut dyn Fields) {
-    match kind {
-        EventKind::CanError(error) => can_error(*error, fields),
-        EventKind::Frame(undecoded) => {
-            fields.field("id", FieldValue::Id(undecoded.frame.id));
-            let message = undecoded.message.as_deref();
-            if let Some(name) = message.map(|message| message.name.as_str()).or(undecoded.name) {
-                fields.field("name", FieldValue::Text(name));
-            }
-            frame_flags(undecoded.frame.flags, fields);
-            fields.field("size", FieldValue::Unsigned(u64::from(undecoded.frame.length)));
-            fields.field("data", FieldValue::Bytes(undecoded.frame.data()));
-            if let Some(message) = message.filter(|_| fields.wants_signals()) {
-                signals(&message.layout, undecoded.frame.data(), fields);
-            }
-        }
-        EventKind::Malformed { error, reason } => {
-            fields.field("layer", FieldValue::Text(error.layer));
-            fields.field("offset", FieldValue::Unsigned(u64::from(error.offset)));
-            fields.field("needed", FieldValue::Unsigned(u64::from(error.needed)));
-            fields.field("available", FieldValue::Unsigned(u64::from(error.available)));
-            fields.field("reason", FieldValue::Text(reason));
-        }
-        EventKind::Evicted { what, count } => {
-            fields.field("what", FieldValue::Text(what));
-            fields.field("count", FieldValue::Unsigned(*count));
-        }
-        EventKind::TestCase(marker) => {
-            fields.field("case", FieldValue::Text(&format!("{}.{}", marker.group, marker.case)));
-            let result = marker.result.map_or(FieldValue::Null, |result| FieldValue::Text(result.name()));
-            fields.field("result", result);
-        }
-        EventKind::ClockStep { step } => fields.field("step", FieldValue::Seconds(*step)),
-        EventKind::BusSilent { gap } => fields.field("gap", FieldValue::Seconds(*gap)),
-        EventKind::LostFrames { count } => {
-            fields.field("count", count.map_or(FieldValue::Null, FieldValue::Unsigned));
-        }
-        EventKind::Link { state, bit_rate } => {
-            fields.field("state", FieldValue::Text(state.name()));
-            fields.field(
-                "bit_rate",
-                bit_rate.map_or(FieldValue::Null, |rate| FieldValue::Unsigned(rate.into())),
-            );
-        }
-        EventKind::Unreadable { line, offset, reason, .. } => {
-            if let Some(line) = line {
-                fields.field("line", FieldValue::Unsigned(*line));
-            }
-            if let Some(offset) = offset {
-                fields.field("offset", FieldValue::Unsigned(*offset));
-            }
-            fields.field("reason", FieldValue::Text(reason));
-        }
-        EventKind::Note { text } => fields.field("text", FieldValue::Text(text)),
-        _ => {}
+pub(super) fn sync(counter: Option<u8>, expected: Option<u8>, fields: &mut dyn Fields) {
+    fields.field("counter", number_or_null(counter));
+    if let Some(expected) = expected {
+        fields.field("expected", FieldValue::Unsigned(u64::from(expected)));
     }
+}
+
+pub(super) fn time(milliseconds: u32, days: u16, fields: &mut dyn Fields) {
+    fields.field("time", FieldValue::Text(&time_of_day(milliseconds, days)));
+}
+
+pub(super) fn undecoded(undecoded: &Undecoded, fields: &mut dyn Fields) {
+    fields.field("id", FieldValue::Id(undecoded.frame.id));
+    let message = undecoded.message.as_deref();
+    if let Some(name) = message.map(|message| message.name.as_str()).or(undecoded.name) {
+        fields.field("name", FieldValue::Text(name));
+    }
+    frame_flags(undecoded.frame.flags, fields);
+    fields.field("size", FieldValue::Unsigned(u64::from(undecoded.frame.length)));
+    fields.field("data", FieldValue::Bytes(undecoded.frame.data()));
+    if let Some(message) = message.filter(|_| fields.wants_signals()) {
+        signals(&message.layout, undecoded.frame.data(), fields);
+    }
+}
+
+pub(super) fn malformed(error: &Malformed, reason: &str, fields: &mut dyn Fields) {
+    fields.field("layer", FieldValue::Text(error.layer));
+    fields.field("offset", FieldValue::Unsigned(u64::from(error.offset)));
+    fields.field("needed", FieldValue::Unsigned(u64::from(error.needed)));
+    fields.field("available", FieldValue::Unsigned(u64::from(error.available)));
+    fields.field("reason", FieldValue::Text(reason));
+}
+
+pub(super) fn evicted(what: &str, count: u64, fields: &mut dyn Fields) {
+    fields.field("what", FieldValue::Text(what));
+    fields.field("count", FieldValue::Unsigned(count));
+}
+
+pub(super) fn test_case(marker: TestMarker, fields: &mut dyn Fields) {
+    fields.field("case", FieldValue::Text(&format!("{}.{}", marker.group, marker.case)));
+    let result = marker.result.map_or(FieldValue::Null, |result| FieldValue::Text(result.name()));
+    fields.field("result", result);
+}
+
+pub(super) fn lost_frames(count: Option<u64>, fields: &mut dyn Fields) {
+    fields.field("count", count.map_or(FieldValue::Null, FieldValue::Unsigned));
+}
+
+pub(super) fn link(state: LinkState, bit_rate: Option<u32>, fields: &mut dyn Fields) {
+    fields.field("state", FieldValue::Text(state.name()));
+    fields.field("bit_rate", bit_rate.map_or(FieldValue::Null, |rate| FieldValue::Unsigned(rate.into())));
+}
+
+pub(super) fn unreadable(line: Option<u64>, offset: Option<u64>, reason: &str, fields: &mut dyn Fields) {
+    if let Some(line) = line {
+        fields.field("line", FieldValue::Unsigned(line));
+    }
+    if let Some(offset) = offset {
+        fields.field("offset", FieldValue::Unsigned(offset));
+    }
+    fields.field("reason", FieldValue::Text(reason));
 }
 
 fn frame_flags(flags: FrameFlags, fields: &mut dyn Fields) {
@@ -74,7 +80,7 @@ fn frame_flags(flags: FrameFlags, fields: &mut dyn Fields) {
     }
 }
 
-fn can_error(error: ErrorFrame, fields: &mut dyn Fields) {
+pub(super) fn can_error(error: ErrorFrame, fields: &mut dyn Fields) {
     let names = profile::can_errors();
     let classes: Vec<&str> = names.classes.names(error.classes).filter(|name| *name != "counters").collect();
     fields.field("class", FieldValue::Text(&classes.join(",")));

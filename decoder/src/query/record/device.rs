@@ -3,7 +3,7 @@
 use super::transfer::rounded;
 use super::{FieldValue, Fields};
 use crate::event::{
-    BitsChanged, Conflict, DeviceState, EventKind, ModeChange, NodeIdentified, ProcedureEvent, Quantity,
+    BitsChanged, Conflict, DeviceState, ModeChange, NodeIdentified, ObjectChange, ProcedureEvent, Quantity,
     SetPoint,
 };
 use crate::profile::Carrier;
@@ -22,27 +22,12 @@ fn channel(channel: Option<u8>, fields: &mut dyn Fields) {
     }
 }
 
-/// The fields of a device's event; `false` if it is none.
-pub(super) fn tell(kind: &EventKind, fields: &mut dyn Fields) -> bool {
-    match kind {
-        EventKind::NodeIdentified(node) => node_identified(node, fields),
-        EventKind::DeviceState(state) => device_state(state, fields),
-        EventKind::BitsChanged(bits) => bits_changed(bits, fields),
-        EventKind::SetPoint(point) => set_point(point, fields),
-        EventKind::Mode(mode) => mode_change(mode, fields),
-        EventKind::Procedure(event) => procedure(event, fields),
-        EventKind::Conflict(sides) => conflict(sides, fields),
-        _ => return false,
-    }
-    true
-}
-
-fn node_identified(node: &NodeIdentified, fields: &mut dyn Fields) {
+pub(super) fn node_identified(node: &NodeIdentified, fields: &mut dyn Fields) {
     fields.field("title", FieldValue::Text(&node.title));
     fields.field("by", FieldValue::Text(node.by));
 }
 
-fn device_state(state: &DeviceState, fields: &mut dyn Fields) {
+pub(super) fn device_state(state: &DeviceState, fields: &mut dyn Fields) {
     fields.field("machine", FieldValue::Text(&state.machine));
     channel(state.channel, fields);
     fields.field("from", state.from.as_deref().map_or(FieldValue::Null, FieldValue::Text));
@@ -74,7 +59,7 @@ fn device_state(state: &DeviceState, fields: &mut dyn Fields) {
     }
 }
 
-fn bits_changed(bits: &BitsChanged, fields: &mut dyn Fields) {
+pub(super) fn bits_changed(bits: &BitsChanged, fields: &mut dyn Fields) {
     fields.field("object", FieldValue::Object(bits.object));
     fields.field("name", FieldValue::Text(&bits.name));
     channel(bits.channel, fields);
@@ -82,7 +67,7 @@ fn bits_changed(bits: &BitsChanged, fields: &mut dyn Fields) {
     texts("cleared", &bits.cleared, fields);
 }
 
-fn set_point(point: &SetPoint, fields: &mut dyn Fields) {
+pub(super) fn set_point(point: &SetPoint, fields: &mut dyn Fields) {
     let number = |quantity: &Quantity| {
         quantity.number.map_or(FieldValue::Null, |number| FieldValue::Real(rounded(number)))
     };
@@ -114,7 +99,7 @@ fn set_point(point: &SetPoint, fields: &mut dyn Fields) {
     }
 }
 
-fn mode_change(mode: &ModeChange, fields: &mut dyn Fields) {
+pub(super) fn mode_change(mode: &ModeChange, fields: &mut dyn Fields) {
     fields.field("object", FieldValue::Object(mode.object));
     fields.field("name", FieldValue::Text(&mode.name));
     channel(mode.channel, fields);
@@ -122,7 +107,7 @@ fn mode_change(mode: &ModeChange, fields: &mut dyn Fields) {
     fields.field("to", FieldValue::Text(&mode.to));
 }
 
-fn procedure(event: &ProcedureEvent, fields: &mut dyn Fields) {
+pub(super) fn procedure(event: &ProcedureEvent, fields: &mut dyn Fields) {
     fields.field("procedure", FieldValue::Text(&event.procedure));
     fields.field("step", FieldValue::Text(&event.step));
     fields.field("status", FieldValue::Text(event.status));
@@ -137,7 +122,7 @@ fn procedure(event: &ProcedureEvent, fields: &mut dyn Fields) {
     }
 }
 
-fn conflict(conflict: &Conflict, fields: &mut dyn Fields) {
+pub(super) fn conflict(conflict: &Conflict, fields: &mut dyn Fields) {
     fields.field("object", FieldValue::Object(conflict.object));
     fields.field("name", FieldValue::Text(&conflict.name));
     fields.open_list("sources");
@@ -149,4 +134,17 @@ fn conflict(conflict: &Conflict, fields: &mut dyn Fields) {
     }
     fields.close_list();
     fields.field("text", FieldValue::Text(&conflict.text));
+}
+
+pub(super) fn object_change(change: &ObjectChange, fields: &mut dyn Fields) {
+    fields.field("object", FieldValue::Object(change.object));
+    fields.field("from", change.from.as_deref().map_or(FieldValue::Null, FieldValue::Bytes));
+    fields.field("to", change.to.as_deref().map_or(FieldValue::Null, FieldValue::Bytes));
+    fields.field("origin", FieldValue::Text(change.origin));
+    if let Some(effect) = change.effect {
+        fields.field("effective", FieldValue::Text(effect.name()));
+    }
+    if let Some(persists) = change.persists {
+        fields.field("persists", FieldValue::Text(persists));
+    }
 }

@@ -3,29 +3,12 @@
 use super::transfer::signals;
 use super::{FieldValue, Fields, device};
 use crate::event::{
-    AddressClaim, CommandedAddress, Dtc, Event, EventKind, Irregularity, J1939Acknowledgement, J1939Message,
+    AddressClaim, CommandedAddress, Dtc, Event, Irregularity, J1939Acknowledgement, J1939Message,
     J1939Request, J1939Transfer, MessageGap,
 };
 use crate::profile;
 use crate::session::Bus;
 use crate::wire::j1939::{Name, Pgn};
-
-/// The fields of a J1939 event; `false` if it is none.
-pub(super) fn tell(event: &Event, bus: &Bus, fields: &mut dyn Fields) -> bool {
-    match &event.kind {
-        EventKind::J1939Message(message) => j1939_message(message, fields),
-        EventKind::J1939Transfer(transfer) => j1939_transfer(transfer, fields),
-        EventKind::J1939Request(request) => j1939_request(request, fields),
-        EventKind::Acknowledgement(answer) => acknowledgement(answer, fields),
-        EventKind::AddressClaim(claim) => address_claim(claim, fields),
-        EventKind::CommandedAddress(command) => commanded_address(command, fields),
-        EventKind::Dtc(dtc) => trouble_code(dtc, event, bus, fields),
-        EventKind::MessageGap(gap) => message_gap(gap, fields),
-        EventKind::TransportIrregularity(what) => irregularity(what, fields),
-        _ => return false,
-    }
-    true
-}
 
 fn number(key: &'static str, number: impl Into<u64>, fields: &mut dyn Fields) {
     fields.field(key, FieldValue::Unsigned(number.into()));
@@ -43,7 +26,7 @@ fn addresses(source: u8, destination: u8, fields: &mut dyn Fields) {
     number("destination_address", destination, fields);
 }
 
-fn j1939_message(message: &J1939Message, fields: &mut dyn Fields) {
+pub(super) fn j1939_message(message: &J1939Message, fields: &mut dyn Fields) {
     group(Some(message.id.pgn), message.name.as_deref(), fields);
     number("priority", message.id.priority, fields);
     addresses(message.id.source, message.id.destination, fields);
@@ -53,7 +36,7 @@ fn j1939_message(message: &J1939Message, fields: &mut dyn Fields) {
     }
 }
 
-fn j1939_transfer(transfer: &J1939Transfer, fields: &mut dyn Fields) {
+pub(super) fn j1939_transfer(transfer: &J1939Transfer, fields: &mut dyn Fields) {
     group(transfer.pgn, transfer.name.as_deref(), fields);
     fields.field("mode", transfer.mode.map_or(FieldValue::Null, |mode| FieldValue::Text(mode.name())));
     number("priority", transfer.priority, fields);
@@ -96,12 +79,12 @@ fn j1939_transfer(transfer: &J1939Transfer, fields: &mut dyn Fields) {
     }
 }
 
-fn j1939_request(request: &J1939Request, fields: &mut dyn Fields) {
+pub(super) fn j1939_request(request: &J1939Request, fields: &mut dyn Fields) {
     group(Some(request.pgn), request.name.as_deref(), fields);
     addresses(request.source, request.destination, fields);
 }
 
-fn acknowledgement(answer: &J1939Acknowledgement, fields: &mut dyn Fields) {
+pub(super) fn acknowledgement(answer: &J1939Acknowledgement, fields: &mut dyn Fields) {
     fields.field("control", FieldValue::Text(answer.control()));
     group(Some(answer.message.pgn), answer.name.as_deref(), fields);
     addresses(answer.source, answer.destination, fields);
@@ -125,7 +108,7 @@ fn name_fields(name: Name, fields: &mut dyn Fields) {
     fields.close();
 }
 
-fn address_claim(claim: &AddressClaim, fields: &mut dyn Fields) {
+pub(super) fn address_claim(claim: &AddressClaim, fields: &mut dyn Fields) {
     fields.field("action", FieldValue::Text(claim.action.name()));
     number("source_address", claim.source, fields);
     if let Some(from) = claim.from {
@@ -143,7 +126,7 @@ fn address_claim(claim: &AddressClaim, fields: &mut dyn Fields) {
     }
 }
 
-fn commanded_address(command: &CommandedAddress, fields: &mut dyn Fields) {
+pub(super) fn commanded_address(command: &CommandedAddress, fields: &mut dyn Fields) {
     number("source_address", command.source, fields);
     number("address", command.address, fields);
     if let Some(present) = command.present {
@@ -152,7 +135,7 @@ fn commanded_address(command: &CommandedAddress, fields: &mut dyn Fields) {
     name_fields(command.name, fields);
 }
 
-fn trouble_code(dtc: &Dtc, event: &Event, bus: &Bus, fields: &mut dyn Fields) {
+pub(super) fn trouble_code(dtc: &Dtc, event: &Event, bus: &Bus, fields: &mut dyn Fields) {
     number("source_address", dtc.source, fields);
     number("spn", dtc.spn, fields);
     if let Some(parameter) = bus.parameter(dtc.spn) {
@@ -188,7 +171,7 @@ fn trouble_code(dtc: &Dtc, event: &Event, bus: &Bus, fields: &mut dyn Fields) {
     }
 }
 
-fn message_gap(gap: &MessageGap, fields: &mut dyn Fields) {
+pub(super) fn message_gap(gap: &MessageGap, fields: &mut dyn Fields) {
     fields.field("message", FieldValue::Text(&gap.message));
     group(Some(gap.pgn), None, fields);
     number("source_address", gap.source, fields);
@@ -201,7 +184,7 @@ fn message_gap(gap: &MessageGap, fields: &mut dyn Fields) {
     fields.field("came_again", FieldValue::Bool(gap.came_again));
 }
 
-fn irregularity(irregularity: &Irregularity, fields: &mut dyn Fields) {
+pub(super) fn irregularity(irregularity: &Irregularity, fields: &mut dyn Fields) {
     fields.field("what", FieldValue::Text(irregularity.what.name()));
     fields.field("message", FieldValue::Text(irregularity.message));
     if irregularity.pgn.is_some() {

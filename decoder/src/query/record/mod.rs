@@ -33,62 +33,56 @@ pub fn visit(event: &Event, bus: &Bus, capture: Option<&str>, fields: &mut dyn F
 pub(super) fn details(event: &Event, bus: &Bus, fields: &mut dyn Fields) {
     match &event.kind {
         EventKind::NmtCommand { service, target, from, to } => {
-            fields.field("command", FieldValue::Text(service.name()));
-            fields.field("target", FieldValue::Unsigned(u64::from(*target)));
-            if *target != 0 {
-                fields.field("from", from.map_or(FieldValue::Null, |from| FieldValue::Text(from.name())));
-                fields.field("to", to.map_or(FieldValue::Null, |to| FieldValue::Text(to.name())));
-            }
+            node::nmt_command(*service, *target, [*from, *to], fields);
         }
         EventKind::NmtState(change) => node::state_change(change, fields),
         EventKind::BootUp { cause, lost } => node::boot_up(*cause, *lost, fields),
         EventKind::Heartbeat { state, code } => node::node_state(*state, *code, fields),
         EventKind::GuardRequest => {}
         EventKind::GuardReply { state, code, toggle, toggle_error } => {
-            node::node_state(*state, *code, fields);
-            fields.field("toggle", FieldValue::Unsigned(u64::from(*toggle)));
-            if *toggle_error {
-                fields.field("toggle_error", FieldValue::Bool(true));
-            }
+            node::guard_reply(*state, *code, *toggle, *toggle_error, fields);
         }
         EventKind::NodeLost(silence) | EventKind::NodeBack(silence) => node::node_silence(silence, fields),
-        EventKind::Sync { counter, expected } => {
-            fields.field("counter", number_or_null(*counter));
-            if let Some(expected) = expected {
-                fields.field("expected", FieldValue::Unsigned(u64::from(*expected)));
-            }
-        }
-        EventKind::Time { milliseconds, days } => {
-            fields.field("time", FieldValue::Text(&time_of_day(*milliseconds, *days)));
-        }
+        EventKind::Sync { counter, expected } => bus::sync(*counter, *expected, fields),
+        EventKind::Time { milliseconds, days } => bus::time(*milliseconds, *days, fields),
         EventKind::Emcy(emergency) => node::emcy(emergency, device(event, bus), fields),
         EventKind::Pdo(pdo) => transfer::process_data(pdo, fields),
         EventKind::SdoTransfer(transfer) => transfer::sdo_transfer(transfer, device(event, bus), fields),
         EventKind::Lss { command, from_master, content } => {
             node::lss(*command, *from_master, content, fields);
         }
-        EventKind::NodeIdChange { from, to, by } => {
-            fields.field("from", number_or_null(*from));
-            fields.field("to", FieldValue::Unsigned(u64::from(*to)));
-            fields.field("by", FieldValue::Text(by));
-        }
-        EventKind::ObjectChange(change) => {
-            fields.field("object", FieldValue::Object(change.object));
-            fields.field("from", change.from.as_deref().map_or(FieldValue::Null, FieldValue::Bytes));
-            fields.field("to", change.to.as_deref().map_or(FieldValue::Null, FieldValue::Bytes));
-            fields.field("origin", FieldValue::Text(change.origin));
-            if let Some(effect) = change.effect {
-                fields.field("effective", FieldValue::Text(effect.name()));
-            }
-            if let Some(persists) = change.persists {
-                fields.field("persists", FieldValue::Text(persists));
-            }
-        }
+        EventKind::NodeIdChange { from, to, by } => node::node_id_change(*from, *to, by, fields),
+        EventKind::NodeIdentified(node) => device::node_identified(node, fields),
+        EventKind::DeviceState(state) => device::device_state(state, fields),
+        EventKind::BitsChanged(bits) => device::bits_changed(bits, fields),
+        EventKind::SetPoint(point) => device::set_point(point, fields),
+        EventKind::Mode(mode) => device::mode_change(mode, fields),
+        EventKind::Procedure(procedure) => device::procedure(procedure, fields),
+        EventKind::Conflict(conflict) => device::conflict(conflict, fields),
+        EventKind::ObjectChange(change) => device::object_change(change, fields),
+        EventKind::J1939Message(message) => j1939::j1939_message(message, fields),
+        EventKind::J1939Transfer(transfer) => j1939::j1939_transfer(transfer, fields),
+        EventKind::J1939Request(request) => j1939::j1939_request(request, fields),
+        EventKind::Acknowledgement(answer) => j1939::acknowledgement(answer, fields),
+        EventKind::AddressClaim(claim) => j1939::address_claim(claim, fields),
+        EventKind::CommandedAddress(command) => j1939::commanded_address(command, fields),
+        EventKind::Dtc(dtc) => j1939::trouble_code(dtc, event, bus, fields),
+        EventKind::MessageGap(gap) => j1939::message_gap(gap, fields),
+        EventKind::TransportIrregularity(irregularity) => j1939::irregularity(irregularity, fields),
+        EventKind::IsoTpTransfer(message) => uds::isotp_transfer(message, fields),
+        EventKind::UdsExchange(exchange) => uds::uds_exchange(exchange, device(event, bus), fields),
         EventKind::FindingOpened(news) | EventKind::FindingClosed(news) => finding::finding(news, fields),
-        _ if device::tell(&event.kind, fields) => {}
-        _ if j1939::tell(event, bus, fields) => {}
-        _ if uds::tell(&event.kind, device(event, bus), fields) => {}
-        _ => bus::about_the_bus(&event.kind, fields),
+        EventKind::CanError(error) => bus::can_error(*error, fields),
+        EventKind::TestCase(marker) => bus::test_case(*marker, fields),
+        EventKind::Frame(undecoded) => bus::undecoded(undecoded, fields),
+        EventKind::Malformed { error, reason } => bus::malformed(error, reason, fields),
+        EventKind::Evicted { what, count } => bus::evicted(what, *count, fields),
+        EventKind::ClockStep { step } => fields.field("step", FieldValue::Seconds(*step)),
+        EventKind::BusSilent { gap } => fields.field("gap", FieldValue::Seconds(*gap)),
+        EventKind::LostFrames { count } => bus::lost_frames(*count, fields),
+        EventKind::Link { state, bit_rate } => bus::link(*state, *bit_rate, fields),
+        EventKind::Unreadable { line, offset, reason, .. } => bus::unreadable(*line, *offset, reason, fields),
+        EventKind::Note { text } => fields.field("text", FieldValue::Text(text)),
     }
 }
 

@@ -1,10 +1,27 @@
 //! Fields of a node's life: states, boot-up, silence, errors, LSS.
 
-use super::{FieldValue, Fields};
+use super::{FieldValue, Fields, number_or_null};
 use crate::event::{BootCause, Certainty, Emergency, Silence, StateChange};
 use crate::profile::{self, Device};
 use crate::wire::canopen::NmtState;
 use crate::wire::canopen::lss::Content;
+use crate::wire::canopen::nmt::NmtService;
+
+/// `states`: presumed before the command, and presumed after it.
+pub(super) fn nmt_command(
+    service: NmtService,
+    target: u8,
+    states: [Option<NmtState>; 2],
+    fields: &mut dyn Fields,
+) {
+    fields.field("command", FieldValue::Text(service.name()));
+    fields.field("target", FieldValue::Unsigned(u64::from(target)));
+    if target != 0 {
+        for (key, state) in ["from", "to"].into_iter().zip(states) {
+            fields.field(key, state.map_or(FieldValue::Null, |state| FieldValue::Text(state.name())));
+        }
+    }
+}
 
 pub(super) fn state_change(change: &StateChange, fields: &mut dyn Fields) {
     fields.field("from", change.from.map_or(FieldValue::Null, |from| FieldValue::Text(from.name())));
@@ -47,6 +64,26 @@ pub(super) fn node_state(state: Option<NmtState>, code: u8, fields: &mut dyn Fie
     if state.is_none() {
         fields.field("state_code", FieldValue::Unsigned(u64::from(code)));
     }
+}
+
+pub(super) fn guard_reply(
+    state: Option<NmtState>,
+    code: u8,
+    toggle: bool,
+    is_toggle_wrong: bool,
+    fields: &mut dyn Fields,
+) {
+    node_state(state, code, fields);
+    fields.field("toggle", FieldValue::Unsigned(u64::from(toggle)));
+    if is_toggle_wrong {
+        fields.field("toggle_error", FieldValue::Bool(true));
+    }
+}
+
+pub(super) fn node_id_change(from: Option<u8>, to: u8, by: &str, fields: &mut dyn Fields) {
+    fields.field("from", number_or_null(from));
+    fields.field("to", FieldValue::Unsigned(u64::from(to)));
+    fields.field("by", FieldValue::Text(by));
 }
 
 pub(super) fn node_silence(silence: &Silence, fields: &mut dyn Fields) {

@@ -2,18 +2,8 @@
 
 use super::transfer::{meant, value_field};
 use super::{FieldValue, Fields};
-use crate::event::{Ends, EventKind, IsoTpTransfer, Message, UdsExchange};
+use crate::event::{Ends, IsoTpTransfer, Message, UdsExchange};
 use crate::profile::{Device, Value, uds};
-
-/// The fields of an event of ISO-TP or UDS; `false` if it is none. `device` is the server's.
-pub(super) fn tell(kind: &EventKind, device: &Device, fields: &mut dyn Fields) -> bool {
-    match kind {
-        EventKind::IsoTpTransfer(message) => isotp_transfer(message, fields),
-        EventKind::UdsExchange(exchange) => uds_exchange(exchange, device, fields),
-        _ => return false,
-    }
-    true
-}
 
 /// Addresses, node and net apart; the net is told where it is not the own one.
 fn ends(ends: &Ends, fields: &mut dyn Fields) {
@@ -47,7 +37,7 @@ fn seconds(time: Option<i64>) -> FieldValue<'static> {
     time.map_or(FieldValue::Null, FieldValue::Seconds)
 }
 
-fn isotp_transfer(message: &IsoTpTransfer, fields: &mut dyn Fields) {
+pub(super) fn isotp_transfer(message: &IsoTpTransfer, fields: &mut dyn Fields) {
     ends(&message.ends, fields);
     fields.open_list("ids");
     fields.field("", FieldValue::Id(message.id));
@@ -73,7 +63,7 @@ fn isotp_transfer(message: &IsoTpTransfer, fields: &mut dyn Fields) {
     }
 }
 
-fn uds_exchange(exchange: &UdsExchange, device: &Device, fields: &mut dyn Fields) {
+pub(super) fn uds_exchange(exchange: &UdsExchange, device: &Device, fields: &mut dyn Fields) {
     ends(&exchange.ends, fields);
     fields.open_list("ids");
     for message in exchange.request.iter().chain(&exchange.response) {

@@ -1,8 +1,10 @@
 //! Which rules look at an event: a list a kind, and for PDOs, of which most events are made, a list a class.
 
-use crate::event::{Event, EventKind, Pdo};
+use strum::EnumCount as _;
+
+use crate::event::{Event, EventKind, Kind, Pdo};
 use crate::profile::PdoDirection;
-use crate::query::{KIND_COUNT, KindSet};
+use crate::query::KindSet;
 
 /// Classes of PDOs: sent or received by the node, request or data, changed or as before, fields known for sure or not.
 const PDO_CLASSES: usize = 16;
@@ -29,7 +31,7 @@ const PDO_WORDS: [(&str, IsMeant); 7] = [
 /// Places of rules by what they look at.
 #[derive(Debug)]
 pub(super) struct Interests {
-    by_kind: [Vec<u16>; KIND_COUNT],
+    by_kind: [Vec<u16>; Kind::COUNT],
     pdo: [Vec<u16>; PDO_CLASSES],
     /// Rules that look at PDOs, in their order: place, the classes as bits, whether they want them now.
     members: Vec<(u16, u16, bool)>,
@@ -61,8 +63,8 @@ impl Interests {
 
     /// A rule looks at all events of these kinds.
     pub(super) fn kinds(&mut self, kinds: KindSet, place: u16) {
-        for kind in kinds.places() {
-            if let Some(list) = self.by_kind.get_mut(kind) {
+        for kind in kinds.kinds() {
+            if let Some(list) = self.by_kind.get_mut(kind as usize) {
                 list.push(place);
             }
         }
@@ -100,8 +102,8 @@ impl Interests {
             list.retain(|other| *other != place);
         }
         self.members.retain(|(member, ..)| *member != place);
-        for kind in kinds.places() {
-            if let Some(list) = self.by_kind.get_mut(kind) {
+        for kind in kinds.kinds() {
+            if let Some(list) = self.by_kind.get_mut(kind as usize) {
                 list.insert(0, place);
             }
         }
@@ -114,7 +116,7 @@ impl Interests {
     /// Who looks at an event that is no PDO, in the order of the rules.
     #[inline]
     pub(super) fn of(&self, kind: &EventKind) -> &[u16] {
-        self.by_kind.get(KindSet::place(kind)).map_or(&[], Vec::as_slice)
+        self.by_kind.get(kind.kind() as usize).map_or(&[], Vec::as_slice)
     }
 
     /// Who looks at a PDO.

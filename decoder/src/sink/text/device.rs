@@ -3,37 +3,23 @@
 use std::fmt::Write as _;
 
 use super::Tone;
-use super::parts::{millis, seconds};
+use super::parts::{Said, bytes, millis, seconds};
 use crate::event::{
-    BitsChanged, Conflict, DeviceCause, DeviceState, Effective, Event, EventKind, ModeChange, ProcedureEvent,
-    SetPoint,
+    BitsChanged, Conflict, DeviceCause, DeviceState, Effective, ModeChange, NodeIdentified, ObjectChange,
+    ProcedureEvent, SetPoint,
 };
 use crate::profile::Value;
+use crate::wire::NodeId;
 
-/// Kind of line, what happened, tone.
-pub(super) type Said = (&'static str, String, Tone);
-
-/// The words of a device's event; `None` if it is none.
-pub(super) fn words(event: &Event) -> Option<Said> {
-    Some(match &event.kind {
-        EventKind::NodeIdentified(node) => {
-            let id = event.node.map_or(String::new(), |node| node.to_string());
-            let what = format!(
-                "is {}, told by its {}; --node {id}={} reads it so from the first frame",
-                node.title,
-                node.by.replace('-', " "),
-                node.device
-            );
-            ("IDENT", what, Tone::Good)
-        }
-        EventKind::DeviceState(event) => state(event),
-        EventKind::BitsChanged(event) => bits(event),
-        EventKind::SetPoint(event) => set_point(event),
-        EventKind::Mode(event) => mode(event),
-        EventKind::Procedure(event) => procedure(event),
-        EventKind::Conflict(event) => conflict(event),
-        _ => return None,
-    })
+pub(super) fn identified(node: &NodeIdentified, id: Option<NodeId>) -> Said {
+    let id = id.map_or(String::new(), |id| id.to_string());
+    let what = format!(
+        "is {}, told by its {}; --node {id}={} reads it so from the first frame",
+        node.title,
+        node.by.replace('-', " "),
+        node.device
+    );
+    ("IDENT", what, Tone::Good)
 }
 
 /// `c1 ` before what one of several outputs does.
@@ -41,7 +27,7 @@ fn channel(channel: Option<u8>) -> String {
     channel.map_or(String::new(), |channel| format!("c{channel} "))
 }
 
-fn state(state: &DeviceState) -> Said {
+pub(super) fn state(state: &DeviceState) -> Said {
     let from = state.from.as_deref().unwrap_or("?");
     let mut what = format!("{}{from} → {}", channel(state.channel), state.to);
     let frame = if state.cause_frame == 0 { String::new() } else { format!(" {{{}}}", state.cause_frame) };
@@ -69,11 +55,11 @@ fn state(state: &DeviceState) -> Said {
     ("STATE", what, if state.fault { Tone::Bad } else { Tone::Plain })
 }
 
-fn bits(bits: &BitsChanged) -> Said {
+pub(super) fn bits(bits: &BitsChanged) -> Said {
     ("STAT", format!("{}{}: {}", channel(bits.channel), bits.name, bits.words.join(", ")), Tone::Plain)
 }
 
-fn set_point(point: &SetPoint) -> Said {
+pub(super) fn set_point(point: &SetPoint) -> Said {
     let name = point.short.as_deref().unwrap_or(&point.signal);
     let assumed = if point.assumed { "?" } else { "" };
     // A short name such as c1 tells the channel already.
@@ -110,7 +96,7 @@ fn set_point(point: &SetPoint) -> Said {
     ("SETPT", what, tone)
 }
 
-fn mode(mode: &ModeChange) -> Said {
+pub(super) fn mode(mode: &ModeChange) -> Said {
     let from = mode.from.as_deref().map_or(String::new(), |from| format!("{from} → "));
     let consequence =
         if mode.consequence.is_empty() { String::new() } else { format!(" → {}", mode.consequence) };
@@ -124,7 +110,7 @@ fn word(word: Option<&str>) -> &'static str {
     WORDS.iter().find(|known| Some(**known) == word).unwrap_or(&"PROC")
 }
 
-fn procedure(event: &ProcedureEvent) -> Said {
+pub(super) fn procedure(event: &ProcedureEvent) -> Said {
     let mut what = format!("{} {}", event.procedure, event.step);
     if event.step == "finished" {
         let _ = write!(what, ": {}", event.status);
@@ -153,7 +139,7 @@ fn procedure(event: &ProcedureEvent) -> Said {
     (word(event.word.as_deref()), what, tone)
 }
 
-fn conflict(conflict: &Conflict) -> Said {
+pub(super) fn conflict(conflict: &Conflict) -> Said {
     let says: Vec<_> = conflict
         .sources
         .iter()
@@ -161,4 +147,14 @@ fn conflict(conflict: &Conflict) -> Said {
         .collect();
     let what = format!("{} {}: {}; {}", conflict.object, conflict.name, says.join(", "), conflict.text);
     ("CONFLICT", what, Tone::Caution)
+}
+
+pub(super) fn object_change(change: &ObjectChange) -> Said {
+    let shown = |value: &Option<Vec<u8>>| value.as_deref().map_or("?".into(), bytes);
+    let what = format!("{} {} → {}", change.object, shown(&change.from), shown(&change.to));
+    match change.origin {
+        "restart" => ("OBJ", format!("{what} in force since the restart"), Tone::Plain),
+        "reset" => ("OBJ", format!("{what}, not kept over the restart"), Tone::Plain),
+        _ => ("OBJ", what, Tone::Quiet),
+    }
 }

@@ -3,16 +3,20 @@
 use std::fmt::Write as _;
 
 use super::Tone;
-use crate::event::EventKind;
+use super::parts::Said;
+use crate::event::FindingNews;
 use crate::finding::Severity;
 
+pub(super) fn opened(news: &FindingNews) -> Said {
+    words(news, false)
+}
+
+pub(super) fn closed(news: &FindingNews) -> Said {
+    words(news, true)
+}
+
 /// `1018:01: answered after 312 ms [sdo-no-response]`.
-pub(super) fn words(kind: &EventKind) -> Option<(&'static str, String, Tone)> {
-    let (news, is_over) = match kind {
-        EventKind::FindingOpened(news) => (news, false),
-        EventKind::FindingClosed(news) => (news, true),
-        _ => return None,
-    };
+fn words(news: &FindingNews, is_over: bool) -> Said {
     let mut what = String::new();
     if is_over {
         what.push_str(if news.is_at_end { "still open at the end: " } else { "over: " });
@@ -37,5 +41,5 @@ pub(super) fn words(kind: &EventKind) -> Option<(&'static str, String, Tone)> {
         Severity::Warning => Tone::Caution,
         Severity::Note => Tone::Plain,
     };
-    Some((news.word, what, tone))
+    (news.word, what, tone)
 }

@@ -6,8 +6,8 @@ use super::Tone;
 use super::parts::{Words, bytes, millis, node_label, node_short, seconds};
 use super::pdo::push_signals;
 use crate::event::{
-    AddressClaim, ClaimAction, CommandedAddress, Dtc, DtcAction, Event, EventKind, Irregularity,
-    IrregularityKind, J1939Acknowledgement, J1939Message, J1939Transfer, MessageGap, Outcome,
+    AddressClaim, ClaimAction, CommandedAddress, Dtc, DtcAction, Event, Irregularity, IrregularityKind,
+    J1939Acknowledgement, J1939Message, J1939Request, J1939Transfer, MessageGap, Outcome,
 };
 use crate::profile;
 use crate::query::record::device as device_of;
@@ -16,27 +16,15 @@ use crate::wire::NodeId;
 use crate::wire::j1939::{ALL, Name, Pgn};
 use crate::words::plural;
 
-/// The words of a J1939 event; `None` if it is none.
-pub(super) fn words(event: &Event, bus: &Bus) -> Option<Words> {
-    Some(match &event.kind {
-        EventKind::J1939Message(message) => {
-            let who = pair(message.id.source, message.id.destination, bus);
-            Words { who, kind: "PG", what: message_words(message), tone: Tone::Plain }
-        }
-        EventKind::J1939Transfer(transfer) => transfer_words(transfer, bus),
-        EventKind::J1939Request(request) => {
-            let who = pair(request.source, request.destination, bus);
-            let what = format!("asks for {}", group(request.pgn, request.name.as_deref()));
-            Words { who, kind: "REQ", what, tone: Tone::Plain }
-        }
-        EventKind::Acknowledgement(answer) => acknowledgement(answer, bus),
-        EventKind::AddressClaim(claim) => claim_words(claim, bus),
-        EventKind::CommandedAddress(command) => commanded(command, bus),
-        EventKind::Dtc(dtc) => dtc_words(dtc, event, bus),
-        EventKind::MessageGap(gap) => gap_words(gap, event, bus),
-        EventKind::TransportIrregularity(irregularity) => irregular(irregularity, bus),
-        _ => return None,
-    })
+pub(super) fn message(message: &J1939Message, bus: &Bus) -> Words {
+    let who = pair(message.id.source, message.id.destination, bus);
+    Words { who, kind: "PG", what: message_words(message), tone: Tone::Plain }
+}
+
+pub(super) fn request(request: &J1939Request, bus: &Bus) -> Words {
+    let who = pair(request.source, request.destination, bus);
+    let what = format!("asks for {}", group(request.pgn, request.name.as_deref()));
+    Words { who, kind: "REQ", what, tone: Tone::Plain }
 }
 
 /// `F1`, `SA80 boom2`, `all`.
@@ -73,7 +61,7 @@ fn message_words(message: &J1939Message) -> String {
     what
 }
 
-fn transfer_words(transfer: &J1939Transfer, bus: &Bus) -> Words {
+pub(super) fn transfer(transfer: &J1939Transfer, bus: &Bus) -> Words {
     let mut what = match transfer.pgn {
         Some(pgn) => group(pgn, transfer.name.as_deref()),
         None => "group not seen".into(),
@@ -145,7 +133,7 @@ fn outcome_words(transfer: &J1939Transfer, what: &mut String) -> Tone {
     }
 }
 
-fn acknowledgement(answer: &J1939Acknowledgement, bus: &Bus) -> Words {
+pub(super) fn acknowledgement(answer: &J1939Acknowledgement, bus: &Bus) -> Words {
     let (says, tone) = match answer.message.control {
         0 => ("done", Tone::Plain),
         1 => ("NOT done", Tone::Caution),
@@ -176,7 +164,7 @@ fn name_words(name: Name) -> String {
     )
 }
 
-fn claim_words(claim: &AddressClaim, bus: &Bus) -> Words {
+pub(super) fn claim(claim: &AddressClaim, bus: &Bus) -> Words {
     let name = name_words(claim.name);
     let from = claim.from.map_or(String::new(), |from| format!(", was {from:02X}"));
     let command =
@@ -196,14 +184,14 @@ fn claim_words(claim: &AddressClaim, bus: &Bus) -> Words {
     Words { who: node_label(NodeId::J1939(claim.source), bus), kind: "CLAIM", what, tone }
 }
 
-fn commanded(command: &CommandedAddress, bus: &Bus) -> Words {
+pub(super) fn commanded_address(command: &CommandedAddress, bus: &Bus) -> Words {
     let present = command.present.map_or(String::new(), |present| format!(", now {present:02X}"));
     let what = format!("tells {} to take address {:02X}{present}", name_words(command.name), command.address);
     Words { who: address(command.source, bus), kind: "ADDR", what, tone: Tone::Caution }
 }
 
 /// `SPN 298985 FMI 19 time guarding, warning; needs 2 neutral AVC and spool neutral`.
-fn dtc_words(dtc: &Dtc, event: &Event, bus: &Bus) -> Words {
+pub(super) fn trouble_code(dtc: &Dtc, event: &Event, bus: &Bus) -> Words {
     let own = device_of(event, bus).dtc(dtc.spn, dtc.fmi);
     let assumed = if dtc.is_old_coding { "?" } else { "" };
     let name = bus.parameter(dtc.spn).map_or(String::new(), |parameter| format!(" {},", parameter.name));
@@ -260,7 +248,7 @@ fn dtc_words(dtc: &Dtc, event: &Event, bus: &Bus) -> Words {
 }
 
 /// `AVC valve 0: 312 ms > 250 ms (usual 100 ± 3)`.
-fn gap_words(gap: &MessageGap, event: &Event, bus: &Bus) -> Words {
+pub(super) fn message_gap(gap: &MessageGap, event: &Event, bus: &Bus) -> Words {
     let whole = |nanoseconds: i64| (nanoseconds + 500_000) / 1_000_000;
     let mut what = format!("{}: {} ms > {} ms", gap.message, whole(gap.gap), whole(gap.limit));
     if let Some((usual, deviation)) = gap.usual {
@@ -276,7 +264,7 @@ fn gap_words(gap: &MessageGap, event: &Event, bus: &Bus) -> Words {
     Words { who, kind: "GAP", what, tone: Tone::Caution }
 }
 
-fn irregular(irregularity: &Irregularity, bus: &Bus) -> Words {
+pub(super) fn irregularity(irregularity: &Irregularity, bus: &Bus) -> Words {
     let pgn = irregularity.pgn.map_or(String::new(), |pgn| format!(" of {pgn}"));
     let number = |number: Option<u32>| number.map_or("?".into(), |number: u32| number.to_string());
     let what = match irregularity.what {

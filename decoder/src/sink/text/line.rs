@@ -1,19 +1,11 @@
 //! The words of each kind of event.
 
-use std::fmt::Write as _;
-
-use super::parts::{Words, bytes, millis, node_label, node_short, push_node, seconds};
+use super::parts::{Said, Words, node_label, push_node};
 use super::tone::Tone;
-use super::{bus, device, emcy, finding, j1939, pdo, sdo, uds};
-use crate::event::{
-    BootCause, Certainty, Event, EventKind, ObjectChange, PowerSign, Silence, StateCause, StateChange,
-};
-use crate::profile;
+use super::{bus, device, emcy, finding, j1939, node, pdo, sdo, uds};
+use crate::event::{Event, EventKind};
 use crate::query::record::device as device_of;
 use crate::session::Bus;
-use crate::wire::canopen::NmtState;
-use crate::wire::canopen::lss::Content;
-use crate::wire::canopen::nmt::NmtService;
 
 /// The columns of a line behind the time, as UTF-8, control characters not yet escaped.
 #[derive(Default)]
@@ -84,159 +76,63 @@ impl Columns {
 }
 
 fn words(event: &Event, bus: &Bus) -> Words {
-    if let Some(words) = uds::words(event, bus) {
-        return words;
-    }
-    let who = event.node.map_or(String::new(), |node| node_label(node, bus));
-    let words = |kind, what: String, tone| Words { who: who.clone(), kind, what, tone };
+    let of_node = |(kind, what, tone): Said| {
+        let who = event.node.map_or(String::new(), |node| node_label(node, bus));
+        Words { who, kind, what, tone }
+    };
     match &event.kind {
+        // `fill` writes them without the formatting machinery.
+        EventKind::Pdo(_) | EventKind::Emcy(_) => Words::default(),
         EventKind::NmtCommand { service, target, from, to } => {
-            let to_whom = if *target == 0 { "all".to_owned() } else { node_short((*target).into(), bus) };
-            let from = from.map_or("?", |from| from.name());
-            let what = match (service, to) {
-                (NmtService::Unknown(code), _) => format!("unknown NMT command {code:02X}"),
-                (_, Some(to)) if *target != 0 => format!("{}: {from} → {}?", service.name(), to.name()),
-                (_, Some(to)) => format!("{}: all nodes → {}?", service.name(), to.name()),
-                (_, None) => service.name().to_owned(),
-            };
-            Words { who: format!("master→{to_whom}"), kind: "NMT", what, tone: Tone::Plain }
+            node::nmt_command(*service, *target, [*from, *to], bus)
         }
-        EventKind::NmtState(change) => words("STATE", state(change), Tone::Plain),
-        EventKind::BootUp { cause, lost } => {
-            let expected = matches!(cause, BootCause::Commanded { .. }) && *lost == 0;
-            words("BOOT", boot_up(*cause, *lost), if expected { Tone::Good } else { Tone::Caution })
-        }
-        EventKind::Heartbeat { state: Some(state), .. } => words("HB", state.name().into(), Tone::Quiet),
-        EventKind::Heartbeat { state: None, code } => {
-            words("HB", format!("undefined state {code:02X}"), Tone::Caution)
-        }
-        EventKind::GuardRequest => Words {
-            who: format!("master→{}", event.node.map_or(String::new(), |node| node_short(node, bus))),
-            kind: "GUARD",
-            what: "guarding request".into(),
-            tone: Tone::Quiet,
-        },
+        EventKind::NmtState(change) => of_node(node::nmt_state(change)),
+        EventKind::BootUp { cause, lost } => of_node(node::boot_up(*cause, *lost)),
+        EventKind::Heartbeat { state, code } => of_node(node::heartbeat(*state, *code)),
+        EventKind::GuardRequest => node::guard_request(event.node, bus),
         EventKind::GuardReply { state, code, toggle, toggle_error } => {
-            let tone = if *toggle_error { Tone::Caution } else { Tone::Quiet };
-            words("GUARD", guard_reply(*state, *code, *toggle, *toggle_error), tone)
+            of_node(node::guard_reply(*state, *code, *toggle, *toggle_error))
         }
-        EventKind::NodeLost(silence) => words("LOST", lost(silence), Tone::Bad),
-        EventKind::NodeBack(silence) => {
-            words("BACK", format!("heard again after {} s", seconds(silence.gap)), Tone::Good)
-        }
+        EventKind::NodeLost(silence) => of_node(node::node_lost(silence)),
+        EventKind::NodeBack(silence) => of_node(node::node_back(silence)),
+        EventKind::Sync { counter, expected } => of_node(bus::sync(*counter, *expected)),
+        EventKind::Time { milliseconds, days } => of_node(bus::time(*milliseconds, *days)),
         EventKind::SdoTransfer(transfer) => sdo::words(transfer, event, bus),
-        EventKind::Lss { command, from_master, content } => {
-            let who = if *from_master { "LSS master" } else { "LSS slave" };
-            Words { who: who.into(), kind: "LSS", what: lss(*command, content), tone: Tone::Plain }
+        EventKind::Lss { command, from_master, content } => node::lss(*command, *from_master, content),
+        EventKind::NodeIdChange { from, to, by } => of_node(node::node_id_change(*from, *to, by)),
+        EventKind::NodeIdentified(node) => of_node(device::identified(node, event.node)),
+        EventKind::DeviceState(state) => of_node(device::state(state)),
+        EventKind::BitsChanged(bits) => of_node(device::bits(bits)),
+        EventKind::SetPoint(point) => of_node(device::set_point(point)),
+        EventKind::Mode(mode) => of_node(device::mode(mode)),
+        EventKind::Procedure(procedure) => of_node(device::procedure(procedure)),
+        EventKind::Conflict(conflict) => of_node(device::conflict(conflict)),
+        EventKind::ObjectChange(change) => of_node(device::object_change(change)),
+        EventKind::J1939Message(message) => j1939::message(message, bus),
+        EventKind::J1939Transfer(transfer) => j1939::transfer(transfer, bus),
+        EventKind::J1939Request(request) => j1939::request(request, bus),
+        EventKind::Acknowledgement(answer) => j1939::acknowledgement(answer, bus),
+        EventKind::AddressClaim(claim) => j1939::claim(claim, bus),
+        EventKind::CommandedAddress(command) => j1939::commanded_address(command, bus),
+        EventKind::Dtc(dtc) => j1939::trouble_code(dtc, event, bus),
+        EventKind::MessageGap(gap) => j1939::message_gap(gap, event, bus),
+        EventKind::TransportIrregularity(irregularity) => j1939::irregularity(irregularity, bus),
+        EventKind::IsoTpTransfer(message) => uds::isotp(message),
+        EventKind::UdsExchange(exchange) => uds::exchange(exchange, event, bus),
+        EventKind::FindingOpened(news) => of_node(finding::opened(news)),
+        EventKind::FindingClosed(news) => of_node(finding::closed(news)),
+        EventKind::CanError(error) => of_node(bus::can_error(*error)),
+        EventKind::TestCase(marker) => of_node(bus::test_case(*marker)),
+        EventKind::Frame(undecoded) => of_node(bus::frame(undecoded)),
+        EventKind::Malformed { error, reason } => of_node(bus::malformed(error, reason)),
+        EventKind::Evicted { what, count } => of_node(bus::evicted(what, *count)),
+        EventKind::ClockStep { step } => of_node(bus::clock_step(*step)),
+        EventKind::BusSilent { gap } => of_node(bus::bus_silent(*gap)),
+        EventKind::LostFrames { count } => of_node(bus::lost_frames(*count)),
+        EventKind::Link { state, bit_rate } => of_node(bus::link(*state, *bit_rate)),
+        EventKind::Unreadable { line, offset, reason, .. } => {
+            of_node(bus::unreadable(*line, *offset, reason))
         }
-        EventKind::NodeIdChange { from, to, by } => {
-            let from = from.map_or_else(String::new, |from| format!("{from} → "));
-            words("ID", format!("node-ID {from}{to} in force, set by {by}"), Tone::Caution)
-        }
-        EventKind::ObjectChange(change) => object_change(change, words),
-        _ => match device::words(event).or_else(|| finding::words(&event.kind)) {
-            Some((kind, what, tone)) => words(kind, what, tone),
-            None => j1939::words(event, bus).unwrap_or_else(|| bus::words(event, words)),
-        },
+        EventKind::Note { text } => of_node(("NOTE", text.clone(), Tone::Caution)),
     }
-}
-
-fn object_change(change: &ObjectChange, words: impl Fn(&'static str, String, Tone) -> Words) -> Words {
-    let shown = |value: &Option<Vec<u8>>| value.as_deref().map_or("?".into(), bytes);
-    let what = format!("{} {} → {}", change.object, shown(&change.from), shown(&change.to));
-    match change.origin {
-        "restart" => words("OBJ", format!("{what} in force since the restart"), Tone::Plain),
-        "reset" => words("OBJ", format!("{what}, not kept over the restart"), Tone::Plain),
-        _ => words("OBJ", what, Tone::Quiet),
-    }
-}
-
-fn guard_reply(state: Option<NmtState>, code: u8, toggle: bool, toggle_error: bool) -> String {
-    let state = state.map_or_else(|| format!("undefined state {code:02X}"), |state| state.name().into());
-    let error = if toggle_error { ", toggle bit did not alternate" } else { "" };
-    format!("reply: {state}, toggle {}{error}", u8::from(toggle))
-}
-
-fn boot_up(cause: BootCause, lost: u32) -> String {
-    let settings = match lost {
-        0 => String::new(),
-        1 => "; 1 setting gone that was not kept".into(),
-        _ => format!("; {lost} settings gone that were not kept"),
-    };
-    let sign = match cause {
-        BootCause::Commanded { frame } => {
-            return format!("boot-up, reset was commanded {{{frame}}}{settings}");
-        }
-        BootCause::PresumedPowerOn { sign } => sign,
-    };
-    let why = match sign {
-        None => "power-on or self-reset",
-        Some(PowerSign::OtherNodesToo) => "power-on, other nodes booted too",
-        Some(PowerSign::BusWasSilent) => "power-on, the bus was silent before",
-    };
-    format!("boot-up, no NMT reset before → {why}{settings}")
-}
-
-fn state(change: &StateChange) -> String {
-    let to = change.to.name();
-    let by = match change.cause {
-        StateCause::Command => "NMT command",
-        StateCause::BootUp => "boot-up",
-        StateCause::Heartbeat => "heartbeat",
-        StateCause::GuardReply => "guarding reply",
-        StateCause::Pdo => "its PDO",
-        StateCause::LifeGuard => "life guarding",
-        StateCause::Emcy => "EMCY",
-    };
-    match (change.certainty, change.from, change.after) {
-        (Certainty::Presumed, from, _) => {
-            format!("{} → {to}? after {by}", from.map_or("?", |from| from.name()))
-        }
-        (_, Some(from), Some(after)) if from == change.to => {
-            format!("{to} confirmed by {by}, +{} ms after {{{}}}", millis(after), change.cause_frame)
-        }
-        (_, Some(from), _) if from == change.to => format!("{to} confirmed by {by}"),
-        (_, Some(from), _) => format!("{} → {to}, told by {by}", from.name()),
-        (_, None, _) => format!("{to}, told by {by}"),
-    }
-}
-
-fn lost(silence: &Silence) -> String {
-    let mut what = format!("silent for {} s ({})", seconds(silence.gap), silence.monitored_by);
-    let _ = write!(what, ", last frame {{{}}}", silence.last_frame);
-    if let Some(state) = silence.last_state {
-        let _ = write!(what, ", was {}", state.name());
-    }
-    if let Some(code) = silence.last_emcy {
-        let _ = write!(what, ", last EMCY {code:04X}");
-    }
-    what
-}
-
-fn lss(command: u8, content: &Content) -> String {
-    let title = profile::lss().title(command);
-    let detail = match *content {
-        Content::Nothing => String::new(),
-        Content::Mode(0) => ": waiting".into(),
-        Content::Mode(1) => ": configuration".into(),
-        Content::Mode(other) => format!(": undefined mode {other}"),
-        Content::NodeId(255) => ": none configured".into(),
-        Content::NodeId(id) => format!(": {id}/{id:02X}"),
-        Content::BitTiming { table: 0, entry } => match profile::lss().bit_rate(entry) {
-            Some(rate) => format!(": {rate} kbit/s"),
-            None => format!(": entry {entry}"),
-        },
-        Content::BitTiming { table, entry } => format!(": table {table} entry {entry}"),
-        Content::Delay(delay) => format!(": delay {delay} ms"),
-        Content::Number(number) => format!(": {number:08X}"),
-        Content::Result { code, specific } => {
-            let specific = if code == u8::MAX { format!(" {specific:02X}") } else { String::new() };
-            format!(": {}{specific}", profile::lss().result(command, code))
-        }
-        Content::FastScan { bit: 128, .. } => ": is any slave without node-ID there?".into(),
-        Content::FastScan { number, bit, sub, .. } => {
-            format!(": number {sub} {number:08X} from bit {bit} up?")
-        }
-    };
-    format!("{title}{detail}")
 }

@@ -15,6 +15,7 @@ mod finding;
 mod j1939;
 mod line;
 mod news;
+mod node;
 mod parts;
 mod pdo;
 mod sdo;

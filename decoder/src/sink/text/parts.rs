@@ -9,7 +9,11 @@ use crate::wire::NodeId;
 /// Bytes of data shown in a line.
 const SHOWN_BYTES: usize = 16;
 
+/// Kind of line, what happened, tone: of an event that is the node's, or the bus's.
+pub(super) type Said = (&'static str, String, Tone);
+
 /// The columns of an event that is neither PDO nor EMCY.
+#[derive(Default)]
 pub(super) struct Words {
     pub(super) who: String,
     pub(super) kind: &'static str,

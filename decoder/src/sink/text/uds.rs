@@ -4,22 +4,15 @@ use std::fmt::Write as _;
 
 use super::Tone;
 use super::parts::{Words, bytes, millis, seconds};
-use crate::event::{Ends, Event, EventKind, ExchangeOutcome, IsoTpTransfer, MessageOutcome, UdsExchange};
+use crate::event::{Ends, Event, ExchangeOutcome, IsoTpTransfer, MessageOutcome, UdsExchange};
 use crate::profile::{Device, Effect, UdsService, Value, ValueIn, uds};
 use crate::query::record::device as device_of;
 use crate::session::Bus;
 use crate::words::plural;
 
-/// The columns of an event of ISO-TP or UDS; `None` if it is none.
-pub(super) fn words(event: &Event, bus: &Bus) -> Option<Words> {
-    Some(match &event.kind {
-        EventKind::IsoTpTransfer(message) => isotp(message),
-        EventKind::UdsExchange(exchange) => {
-            let (what, tone) = exchange_words(exchange, device_of(event, bus));
-            Words { who: talk(exchange, event, bus), kind: "UDS", what, tone }
-        }
-        _ => return None,
-    })
+pub(super) fn exchange(exchange: &UdsExchange, event: &Event, bus: &Bus) -> Words {
+    let (what, tone) = exchange_words(exchange, device_of(event, bus));
+    Words { who: talk(exchange, event, bus), kind: "UDS", what, tone }
 }
 
 /// `F1`, of another net `1:F1`.
@@ -51,7 +44,7 @@ fn talk(exchange: &UdsExchange, event: &Event, bus: &Bus) -> String {
     node.map_or_else(|| format!("tester {path}"), |name| format!("tester {path} {name}"))
 }
 
-fn isotp(message: &IsoTpTransfer) -> Words {
+pub(super) fn isotp(message: &IsoTpTransfer) -> Words {
     let mut what = format!("{} of {}", message.size, plural(message.announced, "byte"));
     let (said, tone) = match message.outcome {
         MessageOutcome::Complete => (" complete", Tone::Quiet),
