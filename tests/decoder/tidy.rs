@@ -59,6 +59,13 @@ const LAYERS: &[(&str, &[&str])] = &[
         "decoder",
         &["words", "frame", "capture", "wire", "profile", "event", "session", "query", "statistics", "sink"],
     ),
+    (
+        "pipeline",
+        &[
+            "frame", "capture", "wire", "profile", "event", "finding", "bus_file", "session", "rules",
+            "decoder",
+        ],
+    ),
     ("replay", &["words", "frame", "wire", "capture", "event", "session", "statistics", "sink", "decoder"]),
     ("samples", &["words", "bus_file", "frame", "capture", "wire", "profile", "event", "session", "decoder"]),
 ];
