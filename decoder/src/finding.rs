@@ -23,6 +23,7 @@ pub const GROUP_LIMIT: usize = 3_000;
 
 /// Where a rule comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[non_exhaustive]
 pub enum RuleOrigin {
     /// A standard: for every device.
     General,
@@ -45,6 +46,7 @@ impl RuleOrigin {
 
 /// What is known of a rule.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct RuleInfo {
     /// `sdo-no-response`, `rexroth-sydfec:eeprom-wear`.
     pub name: Arc<str>,
@@ -72,6 +74,7 @@ pub struct RuleInfo {
 
 /// What of a node a finding is about.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[non_exhaustive]
 pub enum About {
     /// The node, or the bus, as a whole.
     Whole,
@@ -136,6 +139,7 @@ pub enum Cause {
 
 /// Findings with one rule, bus, node and subject.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct Group {
     /// Number in order of appearance, from 1.
     pub id: u64,
@@ -233,6 +237,7 @@ impl Group {
 
 /// How often a rule, or a case of the test plan, was judged, and how.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub struct Tally {
     /// Times nothing was wrong.
     pub passed: u64,
@@ -244,6 +249,7 @@ pub struct Tally {
 
 /// What a rule comes to over a capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Verdict {
     /// Judged, nothing wrong.
     Pass,
@@ -294,6 +300,7 @@ impl Tally {
 
 /// What a suppression of the bus file came to in a capture.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct SuppressionUse {
     /// What it covers: `node-lost of node 5`.
     pub what: String,
@@ -326,6 +333,7 @@ impl SuppressionUse {
 
 /// A case of a conformance test that was run: the test tool's verdict and ours.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct CaseVerdict {
     /// `7.101`.
     pub id: Arc<str>,
@@ -343,6 +351,7 @@ pub struct CaseVerdict {
 
 /// Everything that was judged of one capture.
 #[derive(Debug, Clone, Default)]
+#[non_exhaustive]
 pub struct Findings {
     /// The rules.
     pub rules: Vec<RuleInfo>,

@@ -84,3 +84,7 @@ pub use profile::Signal;
 pub use query::Filter;
 pub use session::{Bus, Node, Observer};
 pub use wire::NodeId;
+
+#[cfg(test)]
+#[path = "../../tests/decoder/inside/mod.rs"]
+mod inside;

@@ -15,8 +15,6 @@ mod dialects;
 mod examples;
 mod expectations;
 mod expected;
-mod fields;
-mod filters;
 mod findings_explained;
 mod formats_blf;
 mod formats_candump;
@@ -42,8 +40,6 @@ mod properties;
 mod replay;
 mod rules;
 mod same_events;
-mod sample_events;
-mod sample_j1939;
 mod scene;
 mod schema;
 #[path = "../support/mod.rs"]

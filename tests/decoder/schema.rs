@@ -2,7 +2,7 @@
 
 #![expect(clippy::panic, reason = "a test that cannot go on has failed")]
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
@@ -20,7 +20,7 @@ use regex_lite::Regex;
 use serde_json::{Map, Value, json};
 
 use crate::scene::{self, Expected};
-use crate::{devices, sample_events, support};
+use crate::{devices, support};
 
 /// Keys every event has.
 const REQUIRED: [&str; 5] = ["t", "bus", "frames", "kind", "protocol"];
@@ -263,14 +263,7 @@ fn all_lines() -> String {
         let options = devices::options(&name, &expected, &catalogue);
         all += &lines(&fs::read(name.with_extension("log")).unwrap(), options);
     }
-    let (mut output, bus) = (Vec::new(), sample_events::bus());
-    let mut sink = Jsonl::new(&mut output);
-    sink.begin_capture("a.log");
-    for event in &sample_events::all() {
-        sink.write(event, &bus);
-    }
-    sink.finish().unwrap();
-    all + &String::from_utf8(output).unwrap()
+    all + include_str!("inside/events.jsonl")
 }
 
 #[test]
@@ -327,4 +320,20 @@ fn another_validator_agrees() {
     let output = command.output().unwrap();
     let _ = fs::remove_file(&input);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
+#[cfg_attr(not(unix), ignore = "wants tshark")]
+fn aliases_are_names_of_wireshark() {
+    let output = Command::new("tshark").args(["-G", "fields"]).output();
+    let Ok(output) = output else {
+        support::skip("tshark", "it is not installed");
+        return;
+    };
+    let listing = String::from_utf8_lossy(&output.stdout);
+    let names: BTreeSet<&str> = listing.lines().filter_map(|line| line.split('\t').nth(2)).collect();
+    let fields = table().fields.iter().flat_map(|field| &field.alias);
+    for alias in fields.chain(table().parts.iter().flat_map(|part| &part.alias)) {
+        assert!(names.contains(alias.as_str()), "{alias}");
+    }
 }

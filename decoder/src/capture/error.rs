@@ -4,6 +4,7 @@ use std::io::ErrorKind;
 
 /// Why a capture cannot be read at all, or no further.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum CaptureError {
     /// The source failed, or breaks off inside of what it is compressed with.
     #[error("{how}: {0}", how = how(.0))]

@@ -7,6 +7,7 @@ use crate::wire::canopen::ObjectAddress;
 
 /// A node that was recognised.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct NodeIdentified {
     /// Profile and variant.
     pub device: String,
@@ -18,6 +19,7 @@ pub struct NodeIdentified {
 
 /// Why a device's state changed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum DeviceCause {
     /// The control word commands it.
     ControlWord,
@@ -52,6 +54,7 @@ impl DeviceCause {
 
 /// The device reports another state of its machine.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct DeviceState {
     /// Machine.
     pub machine: String,
@@ -90,6 +93,7 @@ pub struct Path {
 
 /// Bits of a control or status word changed.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct BitsChanged {
     /// Object.
     pub object: ObjectAddress,
@@ -129,6 +133,7 @@ impl Effective {
 
 /// A set point changed, or began or ceased to act.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct SetPoint {
     /// Object.
     pub object: ObjectAddress,
@@ -167,6 +172,7 @@ pub struct Quantity {
 
 /// A mode of operation changed, or became known.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct ModeChange {
     /// Object.
     pub object: ObjectAddress,
@@ -184,6 +190,7 @@ pub struct ModeChange {
 
 /// A procedure started, went a step on, or ended.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct ProcedureEvent {
     /// Name.
     pub procedure: String,
@@ -207,6 +214,7 @@ pub struct ProcedureEvent {
 
 /// Two sources say different things of one object.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Conflict {
     /// Object.
     pub object: ObjectAddress,
@@ -220,6 +228,7 @@ pub struct Conflict {
 
 /// A change in the object store.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct ObjectChange {
     /// Object.
     pub object: ObjectAddress,

@@ -7,6 +7,7 @@ use crate::wire::canopen::ObjectAddress;
 
 /// A finding opened, or closed.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct FindingNews {
     /// The same in its opening and closing, within a capture.
     pub id: u64,

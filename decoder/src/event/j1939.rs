@@ -9,6 +9,7 @@ use crate::wire::j1939::{self, J1939Id, Name, Pgn};
 
 /// A message that fits one frame; signals are computed by whoever wants them.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct J1939Message {
     /// What its identifier says.
     pub id: J1939Id,
@@ -101,6 +102,7 @@ pub struct TransportAbort {
 
 /// A message of several packets, from its first frame to its last.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct J1939Transfer {
     /// How it travels; `None` where the capture began too late to tell.
     pub mode: Option<TransportMode>,
@@ -150,6 +152,7 @@ pub struct J1939Transfer {
 
 /// What is not as it should be within a transfer that goes on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum IrregularityKind {
     /// A packet came before an earlier one.
     Gap,
@@ -178,6 +181,7 @@ impl IrregularityKind {
 
 /// Something irregular within a transfer.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Irregularity {
     /// What.
     pub what: IrregularityKind,
@@ -201,6 +205,7 @@ pub struct Irregularity {
 
 /// A request for a group (PGN 59904).
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct J1939Request {
     /// The group asked for.
     pub pgn: Pgn,
@@ -214,6 +219,7 @@ pub struct J1939Request {
 
 /// An acknowledgement (PGN 59392).
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct J1939Acknowledgement {
     /// What it says.
     pub message: j1939::Acknowledgement,
@@ -240,6 +246,7 @@ impl J1939Acknowledgement {
 
 /// What a claim comes to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ClaimAction {
     /// The device has the address now.
     Claimed,
@@ -274,6 +281,7 @@ pub struct Contention {
 
 /// An address claim (J1939-81 §4.2.2).
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct AddressClaim {
     /// What it comes to.
     pub action: ClaimAction,
@@ -291,6 +299,7 @@ pub struct AddressClaim {
 
 /// A commanded address (PGN 65240).
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct CommandedAddress {
     /// Whom it is for.
     pub name: Name,
@@ -304,6 +313,7 @@ pub struct CommandedAddress {
 
 /// What became of a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum DtcAction {
     /// It is reported for the first time, or again after it was not.
     Raised,
@@ -332,6 +342,7 @@ impl DtcAction {
 
 /// A diagnostic trouble code (J1939-73 §5.7.1.6) and what became of it.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Dtc {
     /// Suspect parameter, 19 bits.
     pub spn: u32,
@@ -361,6 +372,7 @@ pub struct Dtc {
 
 /// A message came later than the device's manual permits.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct MessageGap {
     /// Message, as the profile titles it: `AVC valve 0`.
     pub message: String,

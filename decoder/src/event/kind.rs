@@ -30,10 +30,12 @@ use crate::wire::error_frame::ErrorFrame;
 #[strum_discriminants(
     name(Kind),
     doc = "A kind of event, without its data; its place in the list is its number.",
+    non_exhaustive,
     derive(EnumCount, EnumMessage, EnumProperty, IntoStaticStr, VariantArray, PartialOrd, Ord, Hash),
     strum(serialize_all = "kebab-case")
 )]
 #[expect(missing_docs, reason = "fields are documented by the field table in query/")]
+#[non_exhaustive]
 pub enum EventKind {
     /// The NMT master commands.
     #[strum_discriminants(strum(props(single_frame = true)))]

@@ -33,11 +33,12 @@ pub use transfer::{
 pub use uds::{Ends, ExchangeOutcome, IsoTpTransfer, Message, MessageOutcome, UdsExchange};
 pub use undecoded::Undecoded;
 
-use crate::frame::{BusIndex, Timestamp};
+use crate::frame::{BusIndex, Frame, Timestamp};
 use crate::wire::NodeId;
 
 /// What the event's protocol is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Protocol {
     /// The bus itself: errors, silence, clocks, frames nobody owns.
     Can,
@@ -53,6 +54,7 @@ pub enum Protocol {
 
 /// One fact.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct Event {
     /// When; `None` where the capture has no times.
     pub time: Option<Timestamp>,
@@ -70,4 +72,26 @@ pub struct Event {
     pub routine: bool,
     /// What happened.
     pub kind: EventKind,
+}
+
+impl Event {
+    /// An event without time or node, of the bus itself; all of it can be set afterwards.
+    pub fn new(bus: BusIndex, frames: FrameRange, kind: EventKind) -> Self {
+        Self {
+            time: None,
+            bus,
+            frames,
+            protocol: Protocol::Can,
+            node: None,
+            presumed: false,
+            routine: false,
+            kind,
+        }
+    }
+
+    /// The event of a frame that is taken by itself, as no protocol explains it.
+    pub fn undecoded(frame: &Frame) -> Self {
+        let kind = EventKind::Frame(Undecoded { frame: *frame, name: None, message: None });
+        Self { time: frame.time, ..Self::new(frame.bus, FrameRange::one(frame.number), kind) }
+    }
 }

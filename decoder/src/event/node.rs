@@ -49,6 +49,7 @@ pub enum Certainty {
 
 /// A change of NMT state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct StateChange {
     /// State before, if known.
     pub from: Option<NmtState>,
@@ -81,6 +82,7 @@ pub enum BootCause {
 
 /// What speaks for a power-on of the machine. A trace never shows one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum PowerSign {
     /// Another node booted uncommanded just before.
     OtherNodesToo,
@@ -108,6 +110,7 @@ impl PowerSign {
 
 /// A node's silence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Silence {
     /// Last frame heard from it.
     pub last_frame: u64,
@@ -123,6 +126,7 @@ pub struct Silence {
 
 /// What an EMCY does to the set of active errors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum EmcyAction {
     /// An error appeared, or appeared again.
     Raised,
@@ -151,6 +155,7 @@ impl EmcyAction {
 
 /// An emergency message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Emergency {
     /// Its identifier.
     pub cob_id: CanId,

@@ -8,6 +8,7 @@ use crate::wire::canopen::ObjectAddress;
 
 /// A PDO: layout and payload; signals are computed by whoever wants them.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct Pdo {
     /// Which PDO of the node.
     pub name: PdoName,
@@ -59,6 +60,7 @@ pub enum Mode {
 
 /// How a transfer ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Outcome {
     /// As it should.
     Complete,
@@ -124,6 +126,7 @@ pub struct Abort {
 
 /// What within a transfer is against the protocol.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum SdoIrregularityKind {
     /// A toggle bit that does not alternate, or does not answer the other side's.
     Toggle,
@@ -157,6 +160,7 @@ pub struct SdoIrregularity {
 
 /// One SDO transfer, from its first frame to its last.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct SdoTransfer {
     /// Identifier of the requests.
     pub request: CanId,

@@ -23,6 +23,7 @@ pub struct Ends {
 
 /// How an ISO-TP message ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum MessageOutcome {
     /// All of it was seen.
     Complete,
@@ -65,6 +66,7 @@ impl MessageOutcome {
 
 /// One ISO-TP message, in one frame or several.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct IsoTpTransfer {
     /// Sender and receiver.
     pub ends: Ends,
@@ -96,6 +98,7 @@ pub struct IsoTpTransfer {
 
 /// How a request ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ExchangeOutcome {
     /// Done.
     Positive,
@@ -142,6 +145,7 @@ pub struct Message {
 
 /// One UDS request with its answer.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct UdsExchange {
     /// Client (source) and server (target).
     pub ends: Ends,

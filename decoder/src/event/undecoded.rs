@@ -7,6 +7,7 @@ use crate::profile::dbc::DatabaseMessage;
 
 /// A frame that is no message of any protocol.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct Undecoded {
     /// The frame.
     pub frame: Frame,

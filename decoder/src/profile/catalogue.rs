@@ -46,6 +46,7 @@ impl UserProfile {
 
 /// Why there is no such profile.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ProfileError {
     /// No profile has that id.
     #[error("there is no profile '{id}'{}", closest.as_ref().map(|it| format!("; did you mean '{it}'?")).unwrap_or_default())]

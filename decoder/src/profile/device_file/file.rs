@@ -80,6 +80,7 @@ pub struct DeviceObject {
 
 /// Why a file is no device description at all.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum DeviceFileError {
     /// Nothing but white space.
     #[error("the file is empty")]

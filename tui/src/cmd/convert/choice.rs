@@ -146,16 +146,9 @@ fn plain(frame: &Frame, node: Option<NodeId>) -> Event {
         Some(NodeId::J1939(_)) => Protocol::J1939,
         None => Protocol::Can,
     };
-    Event {
-        time: frame.time,
-        bus: frame.bus,
-        frames: FrameRange { first: frame.number, last: frame.number },
-        protocol,
-        node,
-        presumed: false,
-        routine: false,
-        kind: EventKind::Frame(Undecoded { frame: *frame, name: None, message: None }),
-    }
+    let mut event = Event::undecoded(frame);
+    (event.protocol, event.node) = (protocol, node);
+    event
 }
 
 /// What the events at a frame say of it.

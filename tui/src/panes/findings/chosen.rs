@@ -7,7 +7,7 @@
 
 use std::collections::BTreeSet;
 
-use cobscope_decoder::event::{Event, EventKind, FindingNews, FrameRange, Protocol};
+use cobscope_decoder::event::{Event, EventKind, FindingNews, FrameRange};
 use cobscope_decoder::finding::{Findings, Group, Occurrence};
 use cobscope_decoder::frame::BusIndex;
 use cobscope_decoder::query::Filter;
@@ -142,16 +142,8 @@ impl Judge<'_> {
 
     fn takes(&self, (bus, node): (BusIndex, Option<NodeId>), at: Occurrence, news: &FindingNews) -> bool {
         let Some(told) = self.world.buses().get(usize::from(bus.0)) else { return false };
-        let event = Event {
-            time: at.time,
-            bus,
-            frames: at.frames,
-            protocol: Protocol::Can,
-            node,
-            presumed: false,
-            routine: false,
-            kind: EventKind::FindingOpened(Box::new(news.clone())),
-        };
+        let mut event = Event::new(bus, at.frames, EventKind::FindingOpened(Box::new(news.clone())));
+        (event.time, event.node) = (at.time, node);
         self.filter.matches(&event, told, None)
     }
 }

@@ -6,7 +6,7 @@ use std::io::Read as _;
 use std::sync::PoisonError;
 
 use cobscope_decoder::capture::{Batch, Reader};
-use cobscope_decoder::event::{Event, EventKind, FrameRange, Protocol, Undecoded};
+use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::replay::{Spot, Told, World};
 
@@ -84,16 +84,7 @@ fn row(number: u64, frame: &Frame, world: &World) -> Option<Row> {
     let bus = world.buses().get(usize::from(frame.bus.0)).or_else(|| world.buses().first())?;
     // Nobody knows its number yet.
     let frame = Frame { number: 0, ..*frame };
-    let event = Event {
-        time: frame.time,
-        bus: frame.bus,
-        frames: FrameRange::default(),
-        protocol: Protocol::Can,
-        node: None,
-        presumed: false,
-        routine: false,
-        kind: EventKind::Frame(Undecoded { frame, name: None, message: None }),
-    };
+    let event = Event::undecoded(&frame);
     let spot = Spot::before(number + 1);
     Some(Row::new(&Told { spot, event: &event, bus, frame: Some(&frame), is_news: true }))
 }

@@ -2,16 +2,16 @@
 
 use std::sync::Arc;
 
-use cobscope_decoder::event::{
+use crate::event::{
     AddressClaim, ClaimAction, CommandedAddress, Contention, Dtc, DtcAction, EventKind, Irregularity,
     IrregularityKind, J1939Acknowledgement, J1939Message, J1939Request, J1939Transfer, MessageGap, Outcome,
     Timer, TransportAbort, TransportMode,
 };
-use cobscope_decoder::frame::{CanId, MAX_DATA};
-use cobscope_decoder::profile::Names;
-use cobscope_decoder::profile::{DataType, Field, Layout, Meaning, SignalId};
-use cobscope_decoder::wire::canopen::ObjectAddress;
-use cobscope_decoder::wire::j1939::{ALL, Acknowledgement, J1939Id, Name, Pgn};
+use crate::frame::{CanId, MAX_DATA};
+use crate::profile::Names;
+use crate::profile::{DataType, Field, Layout, Meaning, SignalId};
+use crate::wire::canopen::ObjectAddress;
+use crate::wire::j1939::{ALL, Acknowledgement, J1939Id, Name, Pgn};
 
 /// The lower NAME wins.
 const NAMES: [Name; 2] = [Name(0x8000_0000_0000_0001), Name(0xA322_810A_0721_2345)];

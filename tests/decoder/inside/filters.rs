@@ -2,12 +2,12 @@
 
 #![expect(clippy::panic, reason = "a test that cannot go on has failed")]
 
-use cobscope_decoder::event::{Event, EventKind};
-use cobscope_decoder::query::record::{FieldValue, Fields, visit};
-use cobscope_decoder::query::{Filter, KindSet, MAX_TESTS};
+use crate::event::{Event, EventKind};
+use crate::query::record::{FieldValue, Fields, visit};
+use crate::query::{Filter, KindSet, MAX_TESTS};
 use proptest::prelude::*;
 
-use crate::sample_events;
+use super::events;
 
 fn filter(text: &str) -> Filter {
     text.parse().unwrap_or_else(|error| panic!("{error}"))
@@ -15,8 +15,8 @@ fn filter(text: &str) -> Filter {
 
 /// Places in the list of samples, with their kinds, that a filter matches.
 fn matching(text: &str) -> Vec<&'static str> {
-    let (filter, bus) = (filter(text), sample_events::bus());
-    let all = sample_events::all().into_iter();
+    let (filter, bus) = (filter(text), events::bus());
+    let all = events::all().into_iter();
     all.filter(|event| filter.matches(event, &bus, None)).map(|event| event.kind.name()).collect()
 }
 
@@ -58,7 +58,7 @@ fn a_comparison_with_a_field_that_is_not_there_is_false() {
 
 #[test]
 fn one_value_of_several_is_enough() {
-    let all = sample_events::all().len();
+    let all = events::all().len();
     assert_eq!(matching("frames == 3").len(), all);
     assert_eq!(matching("frame.number == 4").len(), all);
     assert_eq!(matching("frames == 5").len(), 0);
@@ -95,7 +95,7 @@ fn values_of_all_types() {
     assert_eq!(matching("id == 0x18FECA00"), ["frame"]);
     assert_eq!(matching("time >= \"2024-01-01\""), ["time"]);
     assert_eq!(matching("t == 1.5 && kind == note"), ["note"]);
-    assert_eq!(matching("node_name == ABCD").len(), sample_events::all().len());
+    assert_eq!(matching("node_name == ABCD").len(), events::all().len());
 }
 
 #[test]
@@ -123,8 +123,8 @@ fn a_filter_knows_its_kinds() {
 
 #[test]
 fn the_capture_is_a_field() {
-    let bus = sample_events::bus();
-    let event = sample_events::event(EventKind::GuardRequest);
+    let bus = events::bus();
+    let event = events::event(EventKind::GuardRequest);
     assert!(filter("capture contains a").matches(&event, &bus, Some("a.log")));
     assert!(!filter("capture").matches(&event, &bus, None));
 }
@@ -201,7 +201,7 @@ impl Fields for Tells {
 
 fn tells(event: &Event, key: &'static str) -> bool {
     let mut tells = Tells { key, depth: 0, told: false };
-    visit(event, &sample_events::bus(), None, &mut tells);
+    visit(event, &events::bus(), None, &mut tells);
     tells.told
 }
 
@@ -209,10 +209,10 @@ fn tells(event: &Event, key: &'static str) -> bool {
 fn presence_is_what_a_visit_tells() {
     for key in ["code", "object", "data", "text", "name", "from", "to", "unit", "cut", "presumed"] {
         let filter = filter(key);
-        for event in sample_events::all() {
+        for event in events::all() {
             let event = Event { presumed: false, ..event };
             let expected = tells(&event, key);
-            assert_eq!(filter.matches(&event, &sample_events::bus(), None), expected, "{key} {event:?}");
+            assert_eq!(filter.matches(&event, &events::bus(), None), expected, "{key} {event:?}");
         }
     }
 }
@@ -278,8 +278,8 @@ proptest! {
         let again = filter.to_string().parse::<Filter>().unwrap();
         prop_assert_eq!(&again, &filter);
         prop_assert_eq!(again.to_string(), filter.to_string());
-        let bus = sample_events::bus();
-        for event in sample_events::all() {
+        let bus = events::bus();
+        for event in events::all() {
             let answer = filter.matches(&event, &bus, None);
             prop_assert_eq!(again.matches(&event, &bus, None), answer);
             prop_assert!(!answer || filter.kinds().contains(&event.kind));

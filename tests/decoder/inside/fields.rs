@@ -4,11 +4,11 @@
 
 use std::collections::BTreeSet;
 
-use cobscope_decoder::query::KindSet;
-use cobscope_decoder::query::fields::{Field, FieldType, table};
-use cobscope_decoder::query::record::{FieldValue, Fields, visit};
+use crate::query::KindSet;
+use crate::query::fields::{Field, FieldType, table};
+use crate::query::record::{FieldValue, Fields, visit};
 
-use crate::sample_events;
+use super::events;
 
 /// Holds what is told to the table.
 struct Check {
@@ -84,9 +84,9 @@ impl Fields for Check {
 
 #[test]
 fn every_field_told_is_in_the_table_and_every_field_of_the_table_is_told() {
-    let bus = sample_events::bus();
+    let bus = events::bus();
     let mut check = Check { kind: "", path: Vec::new(), told: BTreeSet::new() };
-    for event in sample_events::all() {
+    for event in events::all() {
         check.kind = event.kind.name();
         visit(&event, &bus, Some("a.log"), &mut check);
     }
@@ -100,27 +100,11 @@ fn every_field_told_is_in_the_table_and_every_field_of_the_table_is_told() {
 
 #[test]
 fn kinds_are_numbered_as_they_are_named() {
-    for event in sample_events::all() {
+    for event in events::all() {
         let own = KindSet::by_name(|name| name == event.kind.name());
         assert!(own.contains(&event.kind), "{}", event.kind.name());
         assert!(!own.complement().contains(&event.kind), "{}", event.kind.name());
     }
-    let kinds: BTreeSet<_> = sample_events::all().iter().map(|event| event.kind.name()).collect();
+    let kinds: BTreeSet<_> = events::all().iter().map(|event| event.kind.name()).collect();
     assert_eq!(kinds.len(), KindSet::ALL.names().count());
-}
-
-#[test]
-#[cfg_attr(not(unix), ignore = "wants tshark")]
-fn aliases_are_names_of_wireshark() {
-    let output = std::process::Command::new("tshark").args(["-G", "fields"]).output();
-    let Ok(output) = output else {
-        crate::support::skip("tshark", "it is not installed");
-        return;
-    };
-    let listing = String::from_utf8_lossy(&output.stdout);
-    let names: BTreeSet<&str> = listing.lines().filter_map(|line| line.split('\t').nth(2)).collect();
-    let fields = table().fields.iter().flat_map(|field| &field.alias);
-    for alias in fields.chain(table().parts.iter().flat_map(|part| &part.alias)) {
-        assert!(names.contains(alias.as_str()), "{alias}");
-    }
 }

@@ -2,33 +2,33 @@
 
 use std::sync::Arc;
 
-use cobscope_decoder::capture::BusNames;
-use cobscope_decoder::decoder::Decoder;
-use cobscope_decoder::event::{
+use crate::capture::BusNames;
+use crate::decoder::Decoder;
+use crate::event::{
     Abort, BitsChanged, BootCause, Certainty, Conflict, Crc, DeviceCause, DeviceState, Direction, Effective,
     EmcyAction, Emergency, Ends, Event, EventKind, ExchangeOutcome, FindingNews, FrameRange, IsoTpTransfer,
     Message, MessageOutcome, Mode, ModeChange, NodeIdentified, ObjectChange, Outcome, Path, Pdo, PowerSign,
     ProcedureEvent, Protocol, Quantity, SdoIrregularity, SdoIrregularityKind, SdoTransfer, SetPoint, Silence,
     StateCause, StateChange, UdsExchange, Undecoded,
 };
-use cobscope_decoder::finding::Severity;
-use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags, LinkState, MAX_DATA, Timestamp};
-use cobscope_decoder::profile::dbc::{self, Database};
-use cobscope_decoder::profile::{BitName, BitNames, Names};
-use cobscope_decoder::profile::{
+use crate::finding::Severity;
+use crate::frame::{BusIndex, CanId, Frame, FrameFlags, LinkState, MAX_DATA, Timestamp};
+use crate::profile::dbc::{self, Database};
+use crate::profile::{BitName, BitNames, Names};
+use crate::profile::{
     Carrier, Catalogue, DataType, Effect, Factor, Field, Layout, Meaning, PdoDirection, PdoName,
 };
-use cobscope_decoder::session::{AssignedBy, Assignment, Bus, SessionOptions};
-use cobscope_decoder::wire::Malformed;
-use cobscope_decoder::wire::canopen::emcy::ByteOrder;
-use cobscope_decoder::wire::canopen::lss::Content;
-use cobscope_decoder::wire::canopen::nmt::NmtService;
-use cobscope_decoder::wire::canopen::test_marker::{TestMarker, TestResult};
-use cobscope_decoder::wire::canopen::{NmtState, ObjectAddress};
-use cobscope_decoder::wire::error_frame;
-use cobscope_decoder::wire::uds::SubFunction;
+use crate::session::{AssignedBy, Assignment, Bus, SessionOptions};
+use crate::wire::Malformed;
+use crate::wire::canopen::emcy::ByteOrder;
+use crate::wire::canopen::lss::Content;
+use crate::wire::canopen::nmt::NmtService;
+use crate::wire::canopen::test_marker::{TestMarker, TestResult};
+use crate::wire::canopen::{NmtState, ObjectAddress};
+use crate::wire::error_frame;
+use crate::wire::uds::SubFunction;
 
-use crate::sample_j1939;
+use super::j1939;
 
 /// A device with a text of its own for an abort code.
 const PROFILE: &str = "id = \"acme-pump\"\ntitle = \"PUMP\"\n[[abort]]\ncode = 0x06020000\ntext = \"gone\"\n\
@@ -85,7 +85,7 @@ pub fn all() -> Vec<Event> {
         layer_setting(),
         findings(),
         bus_and_capture(),
-        sample_j1939::all(&layout()),
+        j1939::all(&layout()),
     ]
     .concat();
     kinds.into_iter().map(event).collect()
