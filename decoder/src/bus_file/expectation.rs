@@ -11,10 +11,10 @@ use crate::profile::device::Severity;
 use crate::wire::NodeId;
 
 /// Expectations of a file.
-pub const EXPECTATION_LIMIT: usize = 1_000;
+pub(crate) const EXPECTATION_LIMIT: usize = 1_000;
 
 /// Steps of one `order`.
-pub const STEP_LIMIT: usize = 64;
+pub(crate) const STEP_LIMIT: usize = 64;
 
 /// Longest time an expectation waits, in seconds: the year that a capture may last.
 const LONGEST: f64 = 31_536_000.0;

@@ -20,7 +20,8 @@ mod uds;
 mod value;
 mod written;
 
-pub use expectation::{Demand, EXPECTATION_LIMIT, Expectation, STEP_LIMIT};
+pub use expectation::{Demand, Expectation};
+
 pub use judgement::{Judgement, RuleSettings, Suppression};
 pub use settings::{AreaEntry, ObjectValue, Settings};
 pub use uds::UdsPair;
@@ -79,7 +80,7 @@ impl BusFile {
     }
 
     /// What identifiers mean; of two statements about one the last counts.
-    pub fn owners<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = (CanId, Owner)> + 'a {
+    pub(crate) fn owners<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = (CanId, Owner)> + 'a {
         self.of(bus).rev().flat_map(|settings| settings.owners.iter().copied())
     }
 
@@ -97,7 +98,10 @@ impl BusFile {
     }
 
     /// How J1939 devices code SPNs whose conversion method bit is set; of two for one the last counts.
-    pub fn conversions<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = (NodeId, SpnConversion)> + 'a {
+    pub(crate) fn conversions<'a>(
+        &'a self,
+        bus: &'a str,
+    ) -> impl Iterator<Item = (NodeId, SpnConversion)> + 'a {
         self.of(bus).rev().flat_map(|settings| settings.conversions.iter().copied())
     }
 
@@ -110,12 +114,6 @@ impl BusFile {
     pub fn area<'a>(&'a self, bus: &'a str, node: NodeId, area: &'a str) -> Option<&'a [AreaEntry]> {
         let mut areas = self.of(bus).flat_map(|settings| &settings.areas);
         areas.find(|(id, name, _)| *id == node && name == area).map(|(_, _, list)| list.as_slice())
-    }
-
-    /// Names of the areas given for a node.
-    pub fn area_names<'a>(&'a self, bus: &'a str, node: NodeId) -> impl Iterator<Item = &'a str> {
-        let areas = self.of(bus).flat_map(|settings| &settings.areas);
-        areas.filter(move |(id, ..)| *id == node).map(|(_, name, _)| name.as_str())
     }
 
     /// Profiles of nodes: bus (all if none), node-ID, profile; what holds everywhere first.

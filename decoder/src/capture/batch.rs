@@ -60,7 +60,7 @@ impl Batch {
 
     /// Takes the frame last handed out by [`Batch::slot`] into the batch.
     #[inline]
-    pub fn commit(&mut self) {
+    pub(crate) fn commit(&mut self) {
         self.length = (self.length + 1).min(self.frames.len());
     }
 

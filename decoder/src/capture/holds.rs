@@ -244,14 +244,13 @@ pub struct Losses {
     holds: Holds,
     first: Option<Timestamp>,
     counts: [u64; SAID.len()],
-    comments: u64,
     notices: u64,
 }
 
 impl Losses {
     /// Nothing is lost yet in a format that holds this.
     pub fn new(holds: Holds) -> Self {
-        Self { holds, first: None, counts: [0; SAID.len()], comments: 0, notices: 0 }
+        Self { holds, first: None, counts: [0; SAID.len()], notices: 0 }
     }
 
     /// Another file of the same capture begins: its first frame is the first of it.
@@ -315,11 +314,6 @@ impl Losses {
         self.notices += 1;
     }
 
-    /// Counts a comment that had no place.
-    pub fn miss_comment(&mut self) {
-        self.comments += 1;
-    }
-
     fn count(&mut self, loss: Loss) {
         if let Some(count) =
             SAID.iter().position(|(said, _)| *said == loss).and_then(|at| self.counts.get_mut(at))
@@ -342,9 +336,6 @@ impl Losses {
         }
         if self.notices > 0 {
             all.push(format!("{} notes of lost frames, links and quiet times left out", self.notices));
-        }
-        if self.comments > 0 {
-            all.push(format!("{} comments left out", self.comments));
         }
         all
     }

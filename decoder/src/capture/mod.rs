@@ -35,11 +35,12 @@ mod text;
 mod writer;
 
 pub use batch::{BATCH_FRAMES, Batch, Item};
-pub use bus_names::{BusNames, MAX_BUS_NAME, MAX_BUSES};
+pub(crate) use bus_names::MAX_BUS_NAME;
+pub use bus_names::{BusNames, MAX_BUSES};
 pub use compression::{decompress, is_compressed};
 pub use error::CaptureError;
 #[cfg(feature = "mcap")]
-pub use formats::mcap::{McapWriter, Topic};
+pub(crate) use formats::mcap::{McapWriter, Topic};
 pub use formats::{FORMATS, WRITABLE, detect};
 pub use holds::{Directions, ErrorFrames, Holds, Losses};
 pub use link::kernel_frame;

@@ -262,7 +262,7 @@ impl Catalogue {
 
     /// Assignments that fit what a node said of itself; more than one is ambiguous. Device files count
     /// only where no profile fits, and what is known of any device of its sort where none of them does.
-    pub fn identify(&self, node: &Introduction) -> Vec<String> {
+    pub(crate) fn identify(&self, node: &Introduction) -> Vec<String> {
         let own = || {
             let own = bundled_identities().iter().filter(|own| self.brought(&own.id).is_none());
             own.map(|own| (own, (own.id.as_str(), own.list.as_slice())))

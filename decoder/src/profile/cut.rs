@@ -5,7 +5,7 @@ use super::layout::{BitOrder, Field};
 
 /// Where an integer lies in eight bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Cut {
+pub(crate) struct Cut {
     /// Bytes the payload needs for it.
     bytes: usize,
     /// Bits above it.

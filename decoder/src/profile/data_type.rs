@@ -115,7 +115,7 @@ impl DataType {
     }
 
     /// Whether it is one of INTEGERn or UNSIGNEDn.
-    pub fn is_integer(self) -> bool {
+    pub(crate) fn is_integer(self) -> bool {
         self.is_signed() || self.bits().is_some_and(|bits| self == Self::unsigned(bits))
     }
 
@@ -159,7 +159,7 @@ impl DataType {
     }
 
     /// The type of the low `bits` of a wider integer; `None` where there is none of that width.
-    pub fn narrowed(self, bits: u16) -> Option<Self> {
+    pub(crate) fn narrowed(self, bits: u16) -> Option<Self> {
         self.bits().filter(|width| *width > bits)?;
         let unsigned = Self::unsigned(bits);
         if !self.is_integer() || unsigned.bits() != Some(bits) {

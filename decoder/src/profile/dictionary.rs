@@ -232,7 +232,7 @@ impl Object {
 
 impl Entry {
     /// When a write acts and whether it stays, where the device tells. A signature is a command, no value.
-    pub fn consequence(&self) -> (Option<Effect>, Option<&'static str>) {
+    pub(crate) fn consequence(&self) -> (Option<Effect>, Option<&'static str>) {
         if self.format == Format::Ascii {
             return (None, None);
         }

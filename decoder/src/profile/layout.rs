@@ -32,7 +32,7 @@ pub struct PdoName {
 
 impl PdoName {
     /// Index of the communication parameter: 0x1400 + n − 1 or 0x1800 + n − 1.
-    pub const fn communication_index(self) -> u16 {
+    pub(crate) const fn communication_index(self) -> u16 {
         let base = match self.direction {
             PdoDirection::Transmit => 0x1800,
             PdoDirection::Receive => 0x1400,
@@ -41,12 +41,12 @@ impl PdoName {
     }
 
     /// Index of the mapping parameter: 0x1600 + n − 1 or 0x1A00 + n − 1.
-    pub const fn mapping_index(self) -> u16 {
+    pub(crate) const fn mapping_index(self) -> u16 {
         self.communication_index() + 0x200
     }
 
     /// The PDO a communication or mapping parameter belongs to.
-    pub const fn of_parameter(index: u16) -> Option<Self> {
+    pub(crate) const fn of_parameter(index: u16) -> Option<Self> {
         let direction = match index {
             0x1400..=0x17FF => PdoDirection::Receive,
             0x1800..=0x1BFF => PdoDirection::Transmit,
@@ -188,7 +188,7 @@ pub struct Layout {
 }
 
 /// A field's bits as a number.
-pub type RawValue = u64;
+pub(crate) type RawValue = u64;
 
 /// One field's value in one payload.
 #[derive(Debug, Clone, PartialEq)]

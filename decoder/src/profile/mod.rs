@@ -32,20 +32,19 @@ mod standards;
 pub use catalogue::{Catalogue, Introduction, ProfileError, is_bus_file};
 pub use check::{check, check_ids};
 pub use connection_set::{ConnectionSet, Owner, connection_set};
-pub use cut::Cut;
+pub(crate) use cut::Cut;
 pub(crate) use data_type::little_endian;
 pub use data_type::{DataType, Value};
 pub use device::Device;
 pub use dictionary::{Dictionary, Entry, Found, Object};
 pub use formula::formula;
-pub use layout::{
-    BitOrder, Carrier, Field, Layout, PdoDirection, PdoName, RawValue, Selector, Signal, SignalId,
-};
+pub use layout::{BitOrder, Carrier, Field, Layout, PdoDirection, PdoName, Selector, Signal, SignalId};
+
 pub use lookup::{
-    Bits, CanErrors, Code, Codes, LssNames, UdsCode, UdsNames, UdsService, ValueIn, abort_codes, can_errors,
-    emcy_codes, error_register, failure_modes, fault_hints, industry_groups, lamp_names, lss, pgn_name,
-    transport_aborts, uds,
+    Bits, Code, Codes, LssNames, UdsCode, UdsNames, UdsService, abort_codes, emcy_codes, error_register,
+    failure_modes, industry_groups, lamp_names, lss, pgn_name, transport_aborts, uds,
 };
+pub(crate) use lookup::{ValueIn, can_errors, fault_hints};
 pub use meaning::{Factor, Indicators, Meaning, bit_words, integer, word};
 pub use names::{BitName, BitNames, Names};
 pub use object::{Effect, Role, Storage};

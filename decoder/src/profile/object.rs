@@ -264,7 +264,7 @@ const fn first() -> u16 {
 }
 
 /// No repeat: one entry.
-pub const ONCE: Repeat = Repeat { count: 1, stride: 0, first: 1, channel: false };
+pub(crate) const ONCE: Repeat = Repeat { count: 1, stride: 0, first: 1, channel: false };
 
 impl Default for Repeat {
     fn default() -> Self {

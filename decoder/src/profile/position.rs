@@ -39,7 +39,7 @@ impl TextError {
     }
 
     /// What the TOML reader says about `text`.
-    pub fn of_toml(text: &str, error: &toml::de::Error) -> Self {
+    pub(crate) fn of_toml(text: &str, error: &toml::de::Error) -> Self {
         let span = error.span().unwrap_or(0..0);
         let line = text.get(span.clone()).and_then(|about| about.lines().next()).unwrap_or_default();
         Self::at(text, span, plain(error.message(), line.trim()))

@@ -26,7 +26,7 @@ impl Reference {
 
     /// The same for good: a reference that does not move, at its place in repeat `nth`.
     #[must_use]
-    pub fn pinned(self, nth: u16, stride: u16) -> Self {
+    pub(crate) fn pinned(self, nth: u16, stride: u16) -> Self {
         Self { object: self.shifted(nth, stride), step: Some(0) }
     }
 }
@@ -105,7 +105,7 @@ impl ObjectRange {
 
     /// The same for good, at its place in repeat `nth`.
     #[must_use]
-    pub fn pinned(self, nth: u16, stride: u16) -> Self {
+    pub(crate) fn pinned(self, nth: u16, stride: u16) -> Self {
         Self { first: self.first.pinned(nth, stride), last: self.last.pinned(nth, stride) }
     }
 }

@@ -19,7 +19,7 @@ use crate::capture::MergedPosition;
 use crate::frame::Timestamp;
 
 /// Frames between two checkpoints.
-pub const INTERVAL: u64 = 262_144;
+pub(crate) const INTERVAL: u64 = 262_144;
 
 /// Most checkpoints: when there are more, every second one goes and the interval doubles.
 pub const MOST_MARKS: usize = 64;

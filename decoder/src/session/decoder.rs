@@ -229,7 +229,7 @@ impl BusDecoder {
     }
 
     /// The bit rate that the recorder states, in bit/s.
-    pub fn set_recorded_bit_rate(&mut self, rate: u32) {
+    pub(crate) fn set_recorded_bit_rate(&mut self, rate: u32) {
         self.shared.bus.recorded_bit_rate = Some(rate);
     }
 

@@ -16,14 +16,14 @@ pub const ACTIVE_ERROR_LIMIT: usize = 64;
 /// J1939 devices of a bus without an address that are remembered.
 pub const ADDRESSLESS_LIMIT: usize = 64;
 /// J1939 devices of a bus that were commanded to an address they did not claim yet.
-pub const COMMANDED_LIMIT: usize = 64;
+pub(crate) const COMMANDED_LIMIT: usize = 64;
 /// 29-bit identifiers of a bus that are kept apart.
 pub const EXTENDED_ID_LIMIT: usize = 4096;
 /// Objects of a node in the store.
 pub const OBJECT_LIMIT: usize = 4096;
 /// Bytes of all values of a node in the store: 127 nodes stay within 8 MiB.
-pub const OBJECT_BYTES_LIMIT: usize = 64 * 1024;
+pub(crate) const OBJECT_BYTES_LIMIT: usize = 64 * 1024;
 /// Contradictions to its device file that are told of a node.
-pub const CONFLICT_LIMIT: usize = 256;
+pub(crate) const CONFLICT_LIMIT: usize = 256;
 /// Bytes of one object's value in the store.
-pub const OBJECT_VALUE_LIMIT: usize = 1024;
+pub(crate) const OBJECT_VALUE_LIMIT: usize = 1024;

@@ -117,4 +117,5 @@ pub struct EventFormat {
 }
 
 /// Makes a sink; fails if one of its files cannot be written.
-pub type SinkConstructor = fn(&mut dyn OutputFiles, &SinkOptions) -> io::Result<Box<dyn EventSink + Send>>;
+pub(crate) type SinkConstructor =
+    fn(&mut dyn OutputFiles, &SinkOptions) -> io::Result<Box<dyn EventSink + Send>>;

@@ -16,7 +16,8 @@ pub mod text;
 mod values;
 
 pub use escape::escape;
-pub use event_sink::{EventContent, EventFormat, EventSink, Output, OutputFiles, SinkConstructor, SpoolFile};
+pub use event_sink::{EventContent, EventFormat, EventSink, Output, OutputFiles, SpoolFile};
+
 pub use options::SinkOptions;
 
 /// All formats of events.

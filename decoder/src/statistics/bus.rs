@@ -9,7 +9,7 @@ use crate::wire::NodeId;
 use crate::wire::canopen::nmt::NmtService;
 
 /// Identifiers of a bus that are counted one by one.
-pub const MOST_IDS: usize = 4096;
+pub(crate) const MOST_IDS: usize = 4096;
 
 /// One identifier.
 #[derive(Debug, Clone, Default)]

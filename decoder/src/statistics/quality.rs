@@ -129,7 +129,7 @@ impl Quality {
     }
 
     /// Whether two intervals between stamps differed: they are not made up.
-    pub fn has_varied(&self) -> bool {
+    pub(crate) fn has_varied(&self) -> bool {
         self.stamps.varies
     }
 

@@ -100,7 +100,7 @@ impl FaultKind {
     }
 
     /// Whether the causes lie outside the node's own gates: they are closed as a consequence.
-    pub const fn is_of_the_whole_node(self) -> bool {
+    pub(crate) const fn is_of_the_whole_node(self) -> bool {
         matches!(
             self,
             Self::NodeLost | Self::Restart | Self::BusError | Self::LifeGuard | Self::LeftOperational

@@ -56,7 +56,7 @@ impl NodeState {
     }
 
     /// Whether any set point surely does not act.
-    pub fn has_closed_gate(&self) -> bool {
+    pub(crate) fn has_closed_gate(&self) -> bool {
         self.set_points.iter().any(|point| point.effective == Effective::No)
     }
 
@@ -93,7 +93,7 @@ impl PointState {
     }
 
     /// Whether another one stands the same way, gate by gate.
-    pub fn stands_like(&self, other: &Self) -> bool {
+    pub(crate) fn stands_like(&self, other: &Self) -> bool {
         let seen = |point: &Self| {
             let gates = point.gates.iter().map(|gate| (gate.gate.clone(), gate.status, gate.detail.clone()));
             gates.collect::<Vec<_>>()

@@ -11,7 +11,8 @@ pub mod j1939;
 mod node_id;
 pub mod uds;
 
-pub use node_id::{NODE_PLACES, NodeId};
+pub(crate) use node_id::NODE_PLACES;
+pub use node_id::NodeId;
 
 /// Bytes that are too few for what they should be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -44,7 +44,7 @@ const NEGATIVE: u8 = 0x7F;
 /// Bit of a service identifier that makes it a response.
 const RESPONSE: u8 = 0x40;
 /// Negative response code: the answer will take longer (Annex A.1).
-pub const RESPONSE_PENDING: u8 = 0x78;
+pub(crate) const RESPONSE_PENDING: u8 = 0x78;
 
 /// Reads one message.
 ///

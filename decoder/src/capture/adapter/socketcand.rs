@@ -23,7 +23,7 @@ use crate::capture::text::payload::is_fd_length;
 use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, Timestamp};
 
 /// Longest element that is read, in bytes between its brackets; an FD frame with blanks has 240.
-pub const LONGEST_ELEMENT: usize = 512;
+pub(crate) const LONGEST_ELEMENT: usize = 512;
 
 /// Longest name of a bus: the server keeps names of Linux interfaces.
 pub const LONGEST_NAME: usize = 15;

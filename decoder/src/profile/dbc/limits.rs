@@ -13,7 +13,7 @@ pub const MOST_RANGES: usize = 256;
 pub const LONGEST_MESSAGE: u16 = 1785;
 
 /// Bytes of a string that goes over several lines.
-pub const LONGEST_STRING: usize = 1 << 16;
+pub(crate) const LONGEST_STRING: usize = 1 << 16;
 
 /// Problems that are told apart; one more says how many others there are.
 pub const MOST_PROBLEMS: usize = 100;

@@ -26,7 +26,8 @@ use problem::Problems;
 
 pub use database::Database;
 pub use file::{DatabaseFile, DatabaseMessage, Parameter};
-pub use limits::{LONGEST_MESSAGE, LONGEST_STRING, MOST_MESSAGES, MOST_PROBLEMS, MOST_RANGES, MOST_SIGNALS};
+pub(crate) use limits::LONGEST_STRING;
+pub use limits::{LONGEST_MESSAGE, MOST_MESSAGES, MOST_PROBLEMS, MOST_RANGES, MOST_SIGNALS};
 pub use problem::Problem;
 
 /// Reads a DBC, or the JSON of pretty_j1939, recognised by its content: JSON begins with `{`. Text is UTF-8 or

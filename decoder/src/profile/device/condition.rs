@@ -119,7 +119,7 @@ pub struct Conditions(#[serde(deserialize_with = "tables")] pub Vec<Condition>);
 impl Conditions {
     /// The same for good, in repeat `nth`.
     #[must_use]
-    pub fn pinned(&self, nth: u16, stride: u16) -> Self {
+    pub(crate) fn pinned(&self, nth: u16, stride: u16) -> Self {
         Self(self.0.iter().map(|condition| condition.pinned(nth, stride)).collect())
     }
 }
@@ -204,7 +204,7 @@ pub struct Triggers(#[serde(deserialize_with = "tables")] pub Vec<Trigger>);
 impl Triggers {
     /// The same for good, in repeat `nth`.
     #[must_use]
-    pub fn pinned(&self, nth: u16, stride: u16) -> Self {
+    pub(crate) fn pinned(&self, nth: u16, stride: u16) -> Self {
         Self(self.0.iter().map(|trigger| trigger.pinned(nth, stride)).collect())
     }
 }
@@ -360,13 +360,13 @@ impl Trigger {
     }
 
     /// Whether only rules know it.
-    pub const fn is_of_rules(&self) -> bool {
+    pub(crate) const fn is_of_rules(&self) -> bool {
         matches!(self, Self::Set(_) | Self::Writes(_) | Self::Lss(_) | Self::Guard)
     }
 
     /// The same for good, in repeat `nth`.
     #[must_use]
-    pub fn pinned(&self, nth: u16, stride: u16) -> Self {
+    pub(crate) fn pinned(&self, nth: u16, stride: u16) -> Self {
         match self.clone() {
             Self::Write(object, wanted) => Self::Write(object.pinned(nth, stride), wanted),
             Self::Read(object, wanted) => Self::Read(object.pinned(nth, stride), wanted),
@@ -383,7 +383,7 @@ impl Trigger {
 impl Condition {
     /// The same for good, in repeat `nth`.
     #[must_use]
-    pub fn pinned(&self, nth: u16, stride: u16) -> Self {
+    pub(crate) fn pinned(&self, nth: u16, stride: u16) -> Self {
         match self.clone() {
             Self::Object { object, mask, values, negated } => {
                 Self::Object { object: object.pinned(nth, stride), mask, values, negated }

@@ -123,7 +123,7 @@ impl ProfileFile {
     }
 
     /// Rules that its rules take in, and are not its own, with the place of the rule.
-    pub fn taken_in(&self) -> impl Iterator<Item = (&str, Range<usize>)> {
+    pub(crate) fn taken_in(&self) -> impl Iterator<Item = (&str, Range<usize>)> {
         let own = |name: &str| self.file.rule.iter().any(|rule| rule.get_ref().name == name);
         let each = |rule| -> (&DeviceRule, Range<usize>) { (Spanned::get_ref(rule), Spanned::span(rule)) };
         let all = self.file.rule.iter().map(each);

@@ -159,7 +159,7 @@ impl MessageSpec {
     }
 
     /// What output calls the one of a group.
-    pub fn title_of(&self, pgn: Pgn) -> String {
+    pub(crate) fn title_of(&self, pgn: Pgn) -> String {
         let title = if self.title.is_empty() { &self.name } else { &self.title };
         let number = self.number_of(pgn).unwrap_or(0).to_string();
         title.replace("{n}", &number)

@@ -169,7 +169,7 @@ impl StatusCodes {
 
 impl Procedure {
     /// All it waits for.
-    pub fn triggers(&self) -> impl Iterator<Item = &Trigger> {
+    pub(crate) fn triggers(&self) -> impl Iterator<Item = &Trigger> {
         let ends = [Some(&self.start), self.stop.as_ref(), self.end.as_ref(), self.also_end.as_ref()];
         ends.into_iter().flatten().chain(self.steps.iter().map(|step| &step.on))
     }

@@ -139,7 +139,7 @@ pub enum Severity {
 impl Severity {
     /// One step less.
     #[must_use]
-    pub const fn lowered(self) -> Self {
+    pub(crate) const fn lowered(self) -> Self {
         match self {
             Self::Error => Self::Warning,
             Self::Warning | Self::Note => Self::Note,
@@ -282,7 +282,7 @@ impl DeviceRule {
     }
 
     /// `object` and `objects`.
-    pub fn subjects(&self) -> impl Iterator<Item = Reference> {
+    pub(crate) fn subjects(&self) -> impl Iterator<Item = Reference> {
         self.object.iter().chain(&self.objects).copied()
     }
 

@@ -5,7 +5,7 @@
 pub const MOST_ENTRIES: usize = 1 << 16;
 
 /// Bytes of one name or value. CiA 306-1 ends a line at 255 characters.
-pub const LONGEST_VALUE: usize = 1024;
+pub(crate) const LONGEST_VALUE: usize = 1024;
 
 /// Problems that are told apart; one more line says how many others there are.
 pub const MOST_PROBLEMS: usize = 1000;

@@ -28,7 +28,8 @@ mod xml;
 
 pub use code::Access;
 pub use file::{DeviceFile, DeviceFileError, DeviceObject, Kind};
-pub use limits::{LONGEST_VALUE, MOST_ENTRIES, MOST_PROBLEMS};
+pub(crate) use limits::LONGEST_VALUE;
+pub use limits::{MOST_ENTRIES, MOST_PROBLEMS};
 pub use problem::Problem;
 pub(super) use text::decode;
 pub use value::Given;

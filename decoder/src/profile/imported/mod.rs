@@ -48,12 +48,12 @@ pub fn device(file: &Arc<DeviceFile>, name: &str) -> Device {
 
 impl Device {
     /// Whether a device file is all that describes it.
-    pub fn is_file_alone(&self) -> bool {
+    pub(crate) fn is_file_alone(&self) -> bool {
         self.file.as_ref().is_some_and(|import| import.layer == 0)
     }
 
     /// Who says how an object is delivered: `profile`, or the kind of the device file.
-    pub fn default_origin(&self, object: ObjectAddress) -> &'static str {
+    pub(crate) fn default_origin(&self, object: ObjectAddress) -> &'static str {
         let layer = self.dictionary.layer_of(object);
         let import = self.file.as_ref().filter(|import| layer == Some(import.layer));
         import.map_or("profile", |import| import.file.kind.name())

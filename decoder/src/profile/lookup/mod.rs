@@ -9,7 +9,8 @@ use serde::Deserialize;
 use super::embedded::parse;
 use crate::wire::j1939::{Lamps, Lit, Pgn};
 
-pub use uds::{UdsCode, UdsNames, UdsService, ValueIn, uds};
+pub(crate) use uds::ValueIn;
+pub use uds::{UdsCode, UdsNames, UdsService, uds};
 
 /// One code of a table.
 #[derive(Debug, Clone, Deserialize)]
@@ -181,7 +182,7 @@ pub fn emcy_codes() -> &'static Codes {
 }
 
 /// What to look at after a fault of a kind, likeliest first; empty for an unknown one.
-pub fn fault_hints(fault: &str) -> &'static [String] {
+pub(crate) fn fault_hints(fault: &str) -> &'static [String] {
     #[derive(Deserialize)]
     #[serde(deny_unknown_fields)]
     struct Hint {
@@ -215,7 +216,7 @@ pub fn error_register() -> &'static Bits {
 
 /// Names in SocketCAN error frames.
 #[derive(Debug, Default)]
-pub struct CanErrors {
+pub(crate) struct CanErrors {
     /// Class bits of the identifier.
     pub classes: Bits,
     /// Controller byte.
@@ -229,7 +230,7 @@ pub struct CanErrors {
 }
 
 /// SocketCAN's error classes and details (linux/can/error.h).
-pub fn can_errors() -> &'static CanErrors {
+pub(crate) fn can_errors() -> &'static CanErrors {
     #[derive(Default, Deserialize)]
     #[serde(deny_unknown_fields)]
     struct File {
@@ -297,7 +298,7 @@ impl LssNames {
     }
 
     /// Key of the number a command specifier carries.
-    pub fn number_key(&self, code: u8) -> &str {
+    pub(crate) fn number_key(&self, code: u8) -> &str {
         let service = self.service.iter().find(|entry| entry.code == code);
         service.and_then(|entry| entry.field.as_deref()).unwrap_or("number")
     }

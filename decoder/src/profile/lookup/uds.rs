@@ -32,7 +32,7 @@ pub struct UdsService {
 /// Which message of a service carries the value of its identifier.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum ValueIn {
+pub(crate) enum ValueIn {
     /// The request: it is written.
     Request,
     /// The positive response: it is read.
@@ -51,7 +51,7 @@ impl UdsService {
     }
 
     /// Which message carries the value of the identifier.
-    pub const fn value_in(&self) -> Option<ValueIn> {
+    pub(crate) const fn value_in(&self) -> Option<ValueIn> {
         self.value
     }
 

@@ -47,7 +47,7 @@ enum Stimulus {
 
 impl Case {
     /// Whether it provokes aborts, emergencies or silence on purpose.
-    pub fn is_negative(&self) -> bool {
+    pub(crate) fn is_negative(&self) -> bool {
         self.stimulus == Some(Stimulus::Negative)
     }
 }

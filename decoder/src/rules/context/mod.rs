@@ -57,13 +57,13 @@ impl<'a> Context<'a> {
     }
 
     /// The same, and for one case of the test plan.
-    pub fn pass_case(&mut self, case: &'static str) {
+    pub(crate) fn pass_case(&mut self, case: &'static str) {
         self.pass();
         self.ledger.judge_case(case, false);
     }
 
     /// Counts a failure for one case of the test plan; the finding itself is told by [`Context::fail`].
-    pub fn fail_case(&mut self, case: &'static str) {
+    pub(crate) fn fail_case(&mut self, case: &'static str) {
         self.ledger.judge_case(case, true);
     }
 
@@ -75,7 +75,12 @@ impl<'a> Context<'a> {
     }
 
     /// A time that passed shows something wrong: `at` in the clock of [`Context::now`].
-    pub fn fail_at<'b>(&'b mut self, at: i64, node: Option<NodeId>, frames: FrameRange) -> Alarm<'b, 'a> {
+    pub(crate) fn fail_at<'b>(
+        &'b mut self,
+        at: i64,
+        node: Option<NodeId>,
+        frames: FrameRange,
+    ) -> Alarm<'b, 'a> {
         let time = self.bus.stamp_of(at.saturating_add(self.silence));
         let is_presumed = match node {
             Some(NodeId::J1939(_)) => !self.bus.is_j1939(),
@@ -98,7 +103,7 @@ impl<'a> Context<'a> {
 
     /// Asks to be woken when time has passed `time`, in the clock of [`Context::now`].
     /// Nobody is woken for what began before the first time was known: how long ago that is, nobody knows.
-    pub fn wake_at(&mut self, time: i64, token: u64) {
+    pub(crate) fn wake_at(&mut self, time: i64, token: u64) {
         if self.has_time {
             self.wakes.push(Reverse((time, self.place, token)));
         }
@@ -111,7 +116,7 @@ impl<'a> Context<'a> {
 
     /// The NMT state of a node where it is sure and not only just commanded or changed: within 20 ms frames may
     /// still be queued.
-    pub fn confirmed_state(&self, node: NodeId) -> Option<NmtState> {
+    pub(crate) fn confirmed_state(&self, node: NodeId) -> Option<NmtState> {
         confirmed_state(self.bus, node)
     }
 }
@@ -181,7 +186,7 @@ impl<'b, 'a> Alarm<'b, 'a> {
     }
 
     /// How far it is off, so that the worst can be told.
-    pub fn measure(mut self, measure: f64) -> Self {
+    pub(crate) fn measure(mut self, measure: f64) -> Self {
         self.measure = Some(measure);
         self
     }
@@ -205,13 +210,13 @@ impl<'b, 'a> Alarm<'b, 'a> {
     }
 
     /// It is about the bus itself, whatever its protocol.
-    pub fn certain(mut self) -> Self {
+    pub(crate) fn certain(mut self) -> Self {
         self.is_presumed = false;
         self
     }
 
     /// It goes on until [`Context::close`].
-    pub fn ongoing(mut self) -> Self {
+    pub(crate) fn ongoing(mut self) -> Self {
         self.is_ongoing = true;
         self
     }

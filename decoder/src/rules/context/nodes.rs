@@ -4,7 +4,7 @@ use crate::wire::{NODE_PLACES, NodeId};
 
 /// A set of nodes.
 #[derive(Debug, Clone)]
-pub struct NodeSet {
+pub(crate) struct NodeSet {
     places: [bool; NODE_PLACES],
     count: usize,
 }
@@ -43,7 +43,7 @@ impl NodeSet {
 
 /// Something of each node that was looked at.
 #[derive(Debug, Clone)]
-pub struct NodeMap<T>(Vec<Option<T>>);
+pub(crate) struct NodeMap<T>(Vec<Option<T>>);
 
 impl<T> Default for NodeMap<T> {
     fn default() -> Self {

@@ -84,7 +84,7 @@ impl PdoSlot {
 
 /// What a rule keeps of each identifier's PDOs.
 #[derive(Debug, Clone)]
-pub struct BySlot<T>(Vec<T>);
+pub(crate) struct BySlot<T>(Vec<T>);
 
 impl<T> Default for BySlot<T> {
     fn default() -> Self {

@@ -191,7 +191,7 @@ fn severity(name: &str) -> Option<Severity> {
 }
 
 /// The same name on every system: `./a\b.log` is `a/b.log`.
-pub fn portable(capture: &str) -> String {
+pub(crate) fn portable(capture: &str) -> String {
     let path = if cfg!(windows) { capture.replace('\\', "/") } else { capture.to_owned() };
     let path = path.trim_start_matches("./");
     path.to_owned()

@@ -6,7 +6,7 @@ use std::fmt;
 pub const ALL: u8 = 255;
 
 /// Source address of who has none (J1939-81 §4.2.2).
-pub const NO_ADDRESS: u8 = 254;
+pub(crate) const NO_ADDRESS: u8 = 254;
 
 /// First PDU format of PDU2: to everybody (J1939-21 §5.2.4).
 const FIRST_PDU2: u8 = 240;
@@ -31,15 +31,15 @@ impl Pgn {
     /// Address claimed and cannot claim (J1939-81 §4.2.2).
     pub const ADDRESS_CLAIMED: Self = Self(0xEE00);
     /// Commanded address (J1939-81 §4.2.3).
-    pub const COMMANDED_ADDRESS: Self = Self(0xFED8);
+    pub(crate) const COMMANDED_ADDRESS: Self = Self(0xFED8);
     /// Active diagnostic trouble codes (J1939-73 §5.7.1).
     pub const DM1: Self = Self(0xFECA);
     /// Previously active diagnostic trouble codes (J1939-73 §5.7.2).
     pub const DM2: Self = Self(0xFECB);
     /// Clears the previously active ones (J1939-73 §5.7.3).
-    pub const DM3: Self = Self(0xFECC);
+    pub(crate) const DM3: Self = Self(0xFECC);
     /// Clears the active ones (J1939-73 §5.7.11).
-    pub const DM11: Self = Self(0xFED3);
+    pub(crate) const DM11: Self = Self(0xFED3);
 
     /// The group of 18 bits; what lies above them is cut.
     pub const fn new(number: u32) -> Self {

@@ -15,7 +15,9 @@ mod name;
 mod transport;
 
 pub use diagnostics::{Lamps, Lit, ReportedDtc, SpnConversion, TroubleCodes};
-pub use id::{ALL, J1939Id, NO_ADDRESS, Pgn};
+pub(crate) use id::NO_ADDRESS;
+pub use id::{ALL, J1939Id, Pgn};
 pub use message::{Acknowledgement, commanded_address, request};
 pub use name::{Name, NameFields};
-pub use transport::{ETP_SIZES, Management, PACKET_SIZE, TP_SIZES, management, packet, packets_of};
+pub(crate) use transport::{ETP_SIZES, PACKET_SIZE, TP_SIZES, packets_of};
+pub use transport::{Management, management, packet};

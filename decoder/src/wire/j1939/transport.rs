@@ -22,13 +22,13 @@ use super::id::Pgn;
 use crate::wire::Malformed;
 
 /// Bytes of a packet.
-pub const PACKET_SIZE: u32 = 7;
+pub(crate) const PACKET_SIZE: u32 = 7;
 
 /// Smallest and largest message of the transport protocol in bytes (J1939-21 §5.10.1).
-pub const TP_SIZES: (u32, u32) = (9, 1785);
+pub(crate) const TP_SIZES: (u32, u32) = (9, 1785);
 
 /// The same of the extended one (ISO 11783-3).
-pub const ETP_SIZES: (u32, u32) = (1786, 117_440_505);
+pub(crate) const ETP_SIZES: (u32, u32) = (1786, 117_440_505);
 
 /// A message of connection management, TP.CM or ETP.CM.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -96,7 +96,7 @@ impl Management {
 }
 
 /// Packets a message of so many bytes takes.
-pub const fn packets_of(size: u32) -> u32 {
+pub(crate) const fn packets_of(size: u32) -> u32 {
     size.div_ceil(PACKET_SIZE)
 }
 

@@ -31,7 +31,7 @@ use crate::capture::{Batch, BusNames, CaptureError, Format, LARGEST_RECORD, Noti
 use crate::capture::{Holds, WritableFormat};
 
 #[cfg(feature = "mcap")]
-pub use write::{McapWriter, Topic};
+pub(crate) use write::{McapWriter, Topic};
 
 /// Begins and ends a file.
 const MAGIC: &[u8] = b"\x89MCAP0\r\n";

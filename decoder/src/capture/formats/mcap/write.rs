@@ -27,7 +27,7 @@ const INFO: u8 = 2;
 const WARNING: u8 = 3;
 
 /// Writer of MCAP: frames, and whatever else is to stand beside them.
-pub struct McapWriter<W: Write> {
+pub(crate) struct McapWriter<W: Write> {
     /// None when it could not be begun.
     file: Result<mcap::Writer<NoSeek<W>>, Option<io::Error>>,
     sources: Vec<Source>,
@@ -41,7 +41,7 @@ pub struct McapWriter<W: Write> {
 
 /// A topic that messages are written to.
 #[derive(Debug, Clone, Copy)]
-pub struct Topic {
+pub(crate) struct Topic {
     channel: u16,
     sequence: u32,
 }
@@ -114,7 +114,7 @@ impl<W: Write> McapWriter<W> {
     ///
     /// # Errors
     /// When the output fails, or there are more than 65,535 topics.
-    pub fn json_topic(&mut self, topic: &str, name: &str, schema: &str) -> io::Result<Topic> {
+    pub(crate) fn json_topic(&mut self, topic: &str, name: &str, schema: &str) -> io::Result<Topic> {
         self.topic(topic, name, ("jsonschema", schema), "json", &BTreeMap::new())
     }
 

@@ -158,7 +158,7 @@ impl Sdo<'_> {
     }
 
     /// Whether it belongs to an upload; `None` where the message does not tell.
-    pub const fn is_upload(&self) -> Option<bool> {
+    pub(crate) const fn is_upload(&self) -> Option<bool> {
         match self {
             Self::InitiateUpload { .. }
             | Self::UploadInitiated { .. }
