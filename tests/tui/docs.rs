@@ -115,7 +115,8 @@ fn the_profile_reference() {
 fn printed_count(profile: &str, entries: &str) -> String {
     let output = run(&["profiles", "show", "--count", profile], "").stdout;
     let line = output.lines().find_map(|line| line.trim_start().strip_prefix(entries));
-    line.unwrap_or_else(|| panic!("{profile}: no {entries} in {output}")).trim().to_owned()
+    assert!(line.is_some(), "{profile}: no {entries} in {output}");
+    line.unwrap().trim().to_owned()
 }
 
 /// The counts of the manuals stay as they are; those of the profiles, and rows of new ones, are written.

@@ -1,5 +1,7 @@
 //! Tests of the library that make events themselves, which only the library can.
 
+#![expect(clippy::disallowed_methods, reason = "what is expected is in a file")]
+
 mod events;
 mod fields;
 mod filters;

@@ -137,21 +137,22 @@ impl<'a> SinkFiles<'a> {
 
 impl OutputFiles for SinkFiles<'_> {
     fn whole(&mut self) -> io::Result<Output> {
-        self.open_whole().map_err(in_one)
+        self.open_whole().map_err(|error| in_one(&error))
     }
 
     fn part(&mut self, content: &str) -> io::Result<Output> {
-        self.open_part(content).map_err(in_one)
+        self.open_part(content).map_err(|error| in_one(&error))
     }
 
     fn spool(&mut self) -> io::Result<Box<dyn SpoolFile>> {
-        let spool = tempfile::tempfile().context("no temporary file can be made").map_err(in_one)?;
+        let spool =
+            tempfile::tempfile().context("no temporary file can be made").map_err(|error| in_one(&error))?;
         Ok(Box::new(spool))
     }
 }
 
 /// An error with all its context in one text, for an interface that knows no context.
-fn in_one(error: anyhow::Error) -> io::Error {
+fn in_one(error: &anyhow::Error) -> io::Error {
     io::Error::other(format!("{error:#}"))
 }
 

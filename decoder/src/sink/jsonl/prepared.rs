@@ -340,7 +340,9 @@ mod tests {
             let buses = [bus(0, "can0"), bus(1, "can1"), bus(0, "a \"bus\"")];
             for capture in [None, Some("two.log")] {
                 let mut jsonl = Jsonl::new(Vec::new());
-                capture.iter().for_each(|name| jsonl.begin_capture(name));
+                if let Some(name) = capture {
+                    jsonl.begin_capture(name);
+                }
                 let mut expected = Vec::new();
                 // Twice, so that most lines are prepared the second time.
                 for (event, place) in events.iter().chain(&events) {

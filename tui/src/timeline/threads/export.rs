@@ -102,7 +102,8 @@ struct ExportFiles<'a> {
 
 impl ExportFiles<'_> {
     fn open(&mut self, path: PathBuf) -> io::Result<Output> {
-        let file = File::options().write(true).create_new(true).open(&path).map_err(refusal)?;
+        let file =
+            File::options().write(true).create_new(true).open(&path).map_err(|error| refusal(&error))?;
         self.opened.push(path);
         Ok(Box::new(BufWriter::with_capacity(BUFFER, file)))
     }
@@ -134,7 +135,7 @@ impl OutputFiles for ExportFiles<'_> {
 }
 
 /// Why a file cannot be made, in the words of its user.
-fn refusal(error: io::Error) -> io::Error {
+fn refusal(error: &io::Error) -> io::Error {
     io::Error::other(match error.kind() {
         ErrorKind::AlreadyExists => "is there already; choose another name".to_owned(),
         ErrorKind::NotFound => "there is no such folder".to_owned(),
