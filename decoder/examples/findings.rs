@@ -2,19 +2,21 @@
 //!
 //! `cargo run -p cobscope-decoder --example findings -- fixtures/canopen/heartbeat_lost.log`
 
+#![expect(clippy::disallowed_methods, reason = "the library opens no files; its users do")]
+
 use std::error::Error;
 use std::fs::File;
 use std::io::{Write as _, stdout};
 use std::process::ExitCode;
 
-use cobscope_decoder::{Bus, Event, Pipeline, Severity};
+use cobscope_decoder::{Bus, Event, NodeId, Pipeline, Severity};
 
 fn main() -> Result<ExitCode, Box<dyn Error>> {
     let capture = std::env::args_os().nth(1).ok_or("usage: findings CAPTURE")?;
     let summary = Pipeline::new().read(File::open(capture)?, &mut |_: &Event, _: &Bus| {})?;
     let mut out = stdout().lock();
     for group in summary.findings.counting() {
-        let node = group.key.node.map_or_else(|| group.bus.to_string(), |node| node.label());
+        let node = group.key.node.map_or_else(|| group.bus.to_string(), NodeId::label);
         let (severity, count) = (group.severity.name(), group.count);
         writeln!(out, "{severity:<8}  {node:<6}  {} [{}], count {count}", group.text, group.rule)?;
     }

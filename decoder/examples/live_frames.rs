@@ -12,14 +12,14 @@ const MILLISECOND: i64 = 1_000_000;
 fn main() -> Result<(), Box<dyn Error>> {
     let mut pipeline = Pipeline::builder().bus_file("[node.5]\nname = \"boom\"\n").build()?;
     let can0 = pipeline.bus("can0").ok_or("too many buses")?;
-    let mut lines = String::new();
+    let mut lines = Vec::new();
     let mut observer = |event: &Event, bus: &Bus| {
         let node = event.node.and_then(|node| bus.node(node)).and_then(Node::name).unwrap_or("-");
         let text = match &event.kind {
             EventKind::FindingOpened(finding) => &finding.text,
             kind => kind.name(),
         };
-        lines.push_str(&format!("{}  {node}  {text}\n", event.time.unwrap_or_default()));
+        lines.push(format!("{}  {node}  {text}", event.time.unwrap_or_default()));
     };
     for step in 0..40 {
         let now = Timestamp(step * 100 * MILLISECOND);
@@ -34,6 +34,6 @@ fn main() -> Result<(), Box<dyn Error>> {
         pipeline.advance(now.plus(50 * MILLISECOND), &mut observer);
     }
     let summary = pipeline.finish(&mut observer);
-    lines.push_str(&format!("{} frames, {} findings\n", summary.frames, summary.findings.groups.len()));
-    Ok(stdout().write_all(lines.as_bytes())?)
+    lines.push(format!("{} frames, {} findings\n", summary.frames, summary.findings.groups.len()));
+    Ok(stdout().write_all(lines.join("\n").as_bytes())?)
 }

@@ -2,6 +2,8 @@
 //!
 //! `cargo run -p cobscope-decoder --example signal_table -- fixtures/devices/pve.log 32 danfoss-pve-ci "Spool position"`
 
+#![expect(clippy::disallowed_methods, reason = "the library opens no files; its users do")]
+
 use std::error::Error;
 use std::fs::File;
 use std::io::{Write as _, stdout};

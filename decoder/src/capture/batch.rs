@@ -52,7 +52,7 @@ impl Batch {
     }
 
     /// The next free frame, holding leftovers of an earlier one; `None` when full.
-    /// It counts only after [`Batch::commit`].
+    /// It counts only after `commit`.
     #[inline]
     pub fn slot(&mut self) -> Option<&mut Frame> {
         self.frames.get_mut(self.length)

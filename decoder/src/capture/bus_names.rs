@@ -6,7 +6,7 @@ use crate::frame::BusIndex;
 pub const MAX_BUSES: usize = 64;
 
 /// Bytes of a bus name that are kept.
-pub(crate) const MAX_BUS_NAME: usize = 32;
+pub const MAX_BUS_NAME: usize = 32;
 
 /// Names of the buses of one capture, in order of appearance.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]

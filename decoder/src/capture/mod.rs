@@ -35,7 +35,7 @@ mod text;
 mod writer;
 
 pub use batch::{BATCH_FRAMES, Batch, Item};
-pub(crate) use bus_names::MAX_BUS_NAME;
+pub use bus_names::MAX_BUS_NAME;
 pub use bus_names::{BusNames, MAX_BUSES};
 pub use compression::{decompress, is_compressed};
 pub use error::CaptureError;

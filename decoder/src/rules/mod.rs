@@ -29,7 +29,7 @@ pub use engine::names::check_names;
 pub use engine::setup::Setup;
 pub use engine::{Engine, Judge};
 pub use expectation::Expectation;
-pub(crate) use general::REGISTRY;
+pub use general::REGISTRY;
 pub use general::declarations;
 pub use policy::Policy;
 pub use rule::{Entry, Rule};

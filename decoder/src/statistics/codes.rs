@@ -1,7 +1,7 @@
 //! How often codes came.
 
 /// Codes counted one by one of each kind and node.
-pub(crate) const MOST_CODES: usize = 64;
+pub const MOST_CODES: usize = 64;
 
 /// Counts of codes, the first [`MOST_CODES`] of them apart.
 #[derive(Debug, Clone, Default)]
@@ -37,7 +37,7 @@ impl CodeCounts {
 }
 
 /// A trouble code as one number: SPN and, in the lowest five bits, FMI.
-pub(crate) const fn dtc_key(spn: u32, fmi: u8) -> u32 {
+pub const fn dtc_key(spn: u32, fmi: u8) -> u32 {
     spn << 5 | (fmi & 0x1F) as u32
 }
 

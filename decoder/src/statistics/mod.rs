@@ -15,7 +15,7 @@ pub use bits::frame_bits;
 pub use bus::{BusStatistics, IdStatistics, MasterStatistics};
 
 pub use codes::{CodeCounts, dtc_of_key};
-pub(crate) use codes::{MOST_CODES, dtc_key};
+pub use codes::{MOST_CODES, dtc_key};
 pub use distribution::Distribution;
 pub use identifiers::{IdentifierRow, Identifiers, MOST_ROWS};
 pub use intervals::Intervals;

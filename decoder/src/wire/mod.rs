@@ -11,7 +11,7 @@ pub mod j1939;
 mod node_id;
 pub mod uds;
 
-pub(crate) use node_id::NODE_PLACES;
+pub use node_id::NODE_PLACES;
 pub use node_id::NodeId;
 
 /// Bytes that are too few for what they should be.

@@ -13,7 +13,7 @@ pub enum NodeId {
 }
 
 /// Places of a table of all nodes.
-pub(crate) const NODE_PLACES: usize = 128 + 256;
+pub const NODE_PLACES: usize = 128 + 256;
 
 /// Addresses a device can have (J1939-81 §4.3): 254 is none, 255 all.
 const LAST_ADDRESS: u8 = 253;

@@ -1,5 +1,5 @@
 //! The panes: each a file, and a line in the registry below. A pane keeps only what its user did in it; what it
-//! shows comes from [`crate::state::Core`].
+//! shows comes from `Core`.
 
 mod bus;
 mod common;

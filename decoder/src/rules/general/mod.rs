@@ -16,7 +16,7 @@ mod uds;
 use super::{Declaration, Entry};
 
 /// All of them, in the order they are asked: those that explain others before those.
-pub(crate) static REGISTRY: &[Entry] = &[
+pub static REGISTRY: &[Entry] = &[
     bus::bus_health::ENTRY,
     bus::duplicate_node_id::ENTRY,
     bus::duplicate_producer::ENTRY,
