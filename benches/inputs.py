@@ -48,7 +48,7 @@ def database():
 def generate(root, folder):
     """Makes what is not there yet; 700 MB in all."""
     os.makedirs(folder, exist_ok=True)
-    program = os.path.join(root, "target", "release", "examples", "generate_machine")
+    program = os.path.join(root, "target", "dist", "examples", "generate_machine")
     for name, options in GENERATED.items():
         write(os.path.join(folder, name), lambda out, options=options: subprocess.run(
             [program, *options], stdout=out, stderr=subprocess.DEVNULL, check=True))

@@ -46,7 +46,7 @@ class Program:
 
 def ours(root, folder):
     """Commands of cobscope; the inputs lie in this folder."""
-    program = os.path.join(root, "target", "release", "cobscope")
+    program = os.path.join(root, "target", "dist", "cobscope")
 
     def decode(name, capture, *options, **more):
         return Program(name, capture, [program, "decode", "--no-findings", *options], **more)
