@@ -116,6 +116,24 @@ fn the_screens_are_real() {
     }
 }
 
+/// The README's row for the key that writes: the endings of all formats, which choose one.
+#[cfg(all(feature = "mcap", feature = "parquet"))]
+#[test]
+fn every_format_that_the_terminal_ui_writes_is_listed() {
+    use cobscope_decoder::capture::WRITABLE;
+    use cobscope_decoder::sink::EVENT_FORMATS;
+
+    use crate::docs::is_current;
+
+    let listed = |suffixes: Vec<&str>| format!("(`.{}`)", suffixes.join("`, `."));
+    let frames = listed(WRITABLE.iter().map(|format| format.suffix).collect());
+    let events = listed(EVENT_FORMATS.iter().map(|format| format.suffix).collect());
+    let row = format!("| `V`, `w` | select from here on; write frames {frames} or events {events} |");
+    let readme = fs::read_to_string(workspace().join("README.md")).unwrap();
+    let lines = readme.lines().map(|line| if line.starts_with("| `V`, `w` |") { &row } else { line });
+    is_current("README.md", &(lines.collect::<Vec<_>>().join("\n") + "\n"));
+}
+
 #[test]
 fn the_command_to_begin_with_names_a_fixture_that_exists() {
     let readme = fs::read_to_string(workspace().join("README.md")).unwrap();
