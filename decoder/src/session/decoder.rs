@@ -113,7 +113,7 @@ impl BusDecoder {
             Service::ErrorControl(node) => self.error_control.on_frame(node, frame, cx),
             Service::Sdo(side, channel) => {
                 if let Some(transfer) = self.sdo.on_frame((side, channel), frame, cx) {
-                    learn_object(&transfer, frame, cx);
+                    learn_object(transfer, frame, cx);
                 }
             }
             Service::Emcy(node) => self.emcy.on_frame(node, frame, cx),

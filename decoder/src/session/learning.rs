@@ -1,7 +1,5 @@
 //! What the value of an object says about its node, in order: its device file, its store, its identity, its doings.
 
-use std::sync::Arc;
-
 use crate::frame::Frame;
 use crate::session::context::Context;
 use crate::session::device::on_object_transfer;
@@ -13,14 +11,16 @@ use crate::wire::canopen::ObjectAddress;
 const SERIAL_NUMBER: ObjectAddress = ObjectAddress::new(0x1018, 4);
 
 /// A transfer confirmed the value of an object; `frame` is its last one.
-pub(in crate::session) fn learn_object(transfer: &ObjectTransfer, frame: &Frame, cx: &mut Context<'_>) {
+pub(in crate::session) fn learn_object(mut transfer: ObjectTransfer, frame: &Frame, cx: &mut Context<'_>) {
     let (id, object) = (transfer.node, transfer.object);
-    let Some(device) = cx.bus.node_mut(id).map(|node| Arc::clone(&node.device)) else { return };
-    apply_transfer(transfer, frame, cx);
+    if cx.bus.node_mut(id).is_none() {
+        return;
+    }
+    apply_transfer(&mut transfer, frame, cx);
     introduce(id, object, frame, cx);
     if object == SERIAL_NUMBER {
         join_by_serial(id, frame, cx);
     }
-    on_object_transfer(id, object, transfer.unpadded(&device), transfer.kind, frame, cx);
+    on_object_transfer(id, object, &transfer.value, transfer.kind, frame, cx);
     cx.emit_table_full(frame);
 }

@@ -22,7 +22,8 @@ impl Machine for Pdo {
     type Route<'a> = (usize, PdoName, NodeId);
     type Product = ();
 
-    #[inline]
+    #[expect(clippy::inline_always, reason = "the call alone costs 3 % of a frame")]
+    #[inline(always)]
     fn on_frame(&mut self, (slot, name, id): (usize, PdoName, NodeId), frame: &Frame, cx: &mut Context<'_>) {
         let believed = cx.bus.canopen.is_confirmed();
         if !believed {

@@ -195,7 +195,7 @@ mod tests {
                 EventKind::Evicted { what, .. } => texts.push(format!("evicted {what}")),
                 _ => {}
             };
-            learn_object(&transfer, &Frame::EMPTY, &mut bus.lend(&mut observer));
+            learn_object(transfer, &Frame::EMPTY, &mut bus.lend(&mut observer));
         }
         texts
     }

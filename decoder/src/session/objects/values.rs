@@ -38,26 +38,21 @@ struct Learnt<'a> {
     origin: Origin,
 }
 
-/// Puts the value of a confirmed transfer into the store and applies it.
-pub(in crate::session) fn apply_transfer(transfer: &ObjectTransfer, frame: &Frame, cx: &mut Context<'_>) {
+/// Puts the value of a confirmed transfer into the store and applies it. The value loses the padding of an expedited
+/// transfer that does not state its size.
+pub(in crate::session) fn apply_transfer(transfer: &mut ObjectTransfer, frame: &Frame, cx: &mut Context<'_>) {
     let (id, object, kind) = (transfer.node, transfer.object, transfer.kind);
     let Some(node) = cx.bus.node_mut(id) else { return };
     let device = Arc::clone(&node.device);
     let found = device.dictionary.find(object);
     let entry = found.and_then(|found| found.entry);
     let origin = Origin { kind, frame: frame.number, time: frame.time };
-    let learnt = Learnt { object, value: transfer.unpadded(&device), origin };
+    transfer.value.truncate(unpadded(&transfer.value, entry.and_then(|entry| entry.data_type)).len());
+    let learnt = Learnt { object, value: &transfer.value, origin };
     check_device_file(id, object, learnt.value, kind, frame, cx);
     match kind {
         OriginKind::Download => apply_download(id, learnt, &device, found, frame, cx),
         _ => apply_upload(id, learnt, entry, frame, cx),
-    }
-}
-
-impl ObjectTransfer {
-    /// The value without the padding of an expedited transfer that does not state its size.
-    pub(in crate::session) fn unpadded(&self, device: &Device) -> &[u8] {
-        unpadded(&self.value, device.dictionary.data_type(self.object))
     }
 }
 

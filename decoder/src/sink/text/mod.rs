@@ -76,7 +76,10 @@ impl<W: Write> Text<W> {
 
     /// Every string of the capture is in one of the columns: escaped, so that our own colours are the
     /// only control characters.
+    // Apart from the choice, which most events do not pass.
+    #[inline(never)]
     fn write_line(&mut self, event: &Event, bus: &Bus) {
+        self.columns.fill(event, bus);
         let (columns, line) = (&self.columns, &mut self.line);
         line.clear();
         self.clock.column(event.time, line);
@@ -150,7 +153,6 @@ impl<W: Write> EventSink for Text<W> {
         if self.error.is_some() || !self.is_shown(event) {
             return false;
         }
-        self.columns.fill(event, bus);
         self.write_line(event, bus);
         true
     }
