@@ -1,5 +1,6 @@
 //! What machines work with: the bus, the timers, and the way of events to the observer.
 
+use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 
 use crate::event::{Event, EventKind, FrameRange, Protocol, Undecoded};
@@ -58,51 +59,59 @@ impl Shared {
     /// Lends everything for one frame or deadline.
     #[inline]
     pub(in crate::session) fn lend<'a>(&'a mut self, out: &'a mut dyn Observer) -> Context<'a> {
-        Context {
-            bus: &mut self.bus,
-            timers: &mut self.timers,
-            notices: &mut self.notices,
-            open_data: &mut self.open_data,
-            out,
-        }
+        Context { shared: self, out }
     }
 }
 
-/// What a machine works with while it handles a frame or a deadline.
+/// What a machine works with while it handles a frame or a deadline: what all machines share, and the observer.
 pub(in crate::session) struct Context<'a> {
-    pub(in crate::session) bus: &'a mut Bus,
-    pub(in crate::session) timers: &'a mut Timers,
-    pub(in crate::session) notices: &'a mut NoticesSent,
-    pub(in crate::session) open_data: &'a mut OpenData,
+    // One pointer: a pointer for each field would be written for every frame.
+    shared: &'a mut Shared,
     out: &'a mut dyn Observer,
+}
+
+impl Deref for Context<'_> {
+    type Target = Shared;
+
+    #[inline]
+    fn deref(&self) -> &Shared {
+        self.shared
+    }
+}
+
+impl DerefMut for Context<'_> {
+    #[inline]
+    fn deref_mut(&mut self) -> &mut Shared {
+        self.shared
+    }
 }
 
 impl Context<'_> {
     /// Passes an event to the observer.
     #[inline]
     pub(in crate::session) fn send(&mut self, event: &Event) {
-        self.out.event(event, self.bus);
+        self.out.event(event, &self.shared.bus);
     }
 
     /// Passes the prepared event of a slot to the observer.
     #[inline]
     pub(in crate::session) fn send_prepared(&mut self, slot: usize) {
-        if let Some(event) = self.bus.routes.slot(slot).and_then(|entry| entry.prepared.as_deref()) {
-            self.out.event(event, self.bus);
+        if let Some(event) = self.shared.bus.routes.slot(slot).and_then(|entry| entry.prepared.as_deref()) {
+            self.out.event(event, &self.shared.bus);
         }
     }
 
     /// A frame no service is decoded of. One a database describes is told as often as it changes.
     pub(in crate::session) fn emit_undecoded(&mut self, frame: &Frame, name: Option<&'static str>) {
-        let name = name.filter(|_| self.bus.canopen.is_confirmed());
+        let name = name.filter(|_| self.shared.bus.canopen.is_confirmed());
         let is_data = !frame.flags.contains(FrameFlags::REMOTE);
         let message = self.described_message(frame).filter(|_| is_data).cloned();
         if message.is_none() {
-            let (count, extended) = &mut self.bus.undecoded;
+            let (count, extended) = &mut self.shared.bus.undecoded;
             *count += 1;
             match frame.id {
                 CanId::Extended(_) => *extended += 1,
-                CanId::Standard(_) if is_data => self.bus.unnamed.take(frame),
+                CanId::Standard(_) if is_data => self.shared.bus.unnamed.take(frame),
                 CanId::Standard(_) => {}
             }
         }
@@ -119,15 +128,15 @@ impl Context<'_> {
     /// by a transport protocol nobody knows here.
     pub(in crate::session) fn described_message(&self, frame: &Frame) -> Option<&Arc<DatabaseMessage>> {
         let most = if frame.flags.contains(FrameFlags::FD) { MAX_DATA } else { CLASSIC_DATA };
-        let message = self.bus.database.frame(frame.id)?;
+        let message = self.shared.bus.database.frame(frame.id)?;
         message.length.is_some_and(|length| usize::from(length) <= most).then_some(message)
     }
 
     /// Whether a frame has the data of the one before it with its identifier. Those of the 29-bit ones that are
     /// not kept apart never have.
     fn repeats(&mut self, frame: &Frame) -> bool {
-        let slot = self.bus.routes.find(frame.id);
-        let Some(entry) = slot.and_then(|slot| self.bus.routes.slot_mut(slot)) else { return false };
+        let slot = self.shared.bus.routes.find(frame.id);
+        let Some(entry) = slot.and_then(|slot| self.shared.bus.routes.slot_mut(slot)) else { return false };
         let Some(before) = &mut entry.described else {
             entry.described = Some(Box::new(*frame));
             return false;
@@ -140,8 +149,8 @@ impl Context<'_> {
     /// Whether a frame on a CANopen identifier is decoded; else it is passed on undecoded. Says once
     /// when events are only presumed.
     pub(in crate::session) fn is_decoded(&mut self, frame: &Frame) -> bool {
-        if self.bus.canopen.status() == ProtocolStatus::Presumed
-            && !std::mem::replace(&mut self.notices.canopen_presumed, true)
+        if self.shared.bus.canopen.status() == ProtocolStatus::Presumed
+            && !std::mem::replace(&mut self.shared.notices.canopen_presumed, true)
         {
             let text = "no sign of CANopen yet: read by the predefined identifiers, marked ?";
             self.emit_note(frame, text.into());
@@ -151,13 +160,13 @@ impl Context<'_> {
 
     /// The same for frames that make no event by themselves.
     pub(in crate::session) fn is_followed(&mut self, frame: &Frame) -> bool {
-        if self.bus.canopen.status() != ProtocolStatus::Rejected {
+        if self.shared.bus.canopen.status() != ProtocolStatus::Rejected {
             return true;
         }
-        if self.bus.options.protocol != ProtocolChoice::None
-            && !std::mem::replace(&mut self.notices.canopen_rejected, true)
+        if self.shared.bus.options.protocol != ProtocolChoice::None
+            && !std::mem::replace(&mut self.shared.notices.canopen_rejected, true)
         {
-            let reason = self.bus.canopen.reason();
+            let reason = self.shared.bus.canopen.reason();
             let text = format!(
                 "not taken for CANopen: {reason}; frames stay undecoded, --protocol canopen decodes them"
             );
@@ -172,11 +181,11 @@ impl Context<'_> {
     pub(in crate::session) fn event(&self, frame: &Frame, kind: EventKind) -> Event {
         Event {
             time: frame.time,
-            bus: self.bus.index,
+            bus: self.shared.bus.index,
             frames: FrameRange::one(frame.number),
             protocol: Protocol::Canopen,
             node: None,
-            presumed: !self.bus.canopen.is_confirmed(),
+            presumed: !self.shared.bus.canopen.is_confirmed(),
             routine: false,
             kind,
         }
@@ -201,7 +210,7 @@ impl Context<'_> {
         event.node = node;
         if let Some(NodeId::J1939(_)) = node {
             event.protocol = Protocol::J1939;
-            event.presumed = !self.bus.j1939.is_confirmed();
+            event.presumed = !self.shared.bus.j1939.is_confirmed();
         }
         event
     }
@@ -232,17 +241,17 @@ impl Context<'_> {
 
     /// Reports that a channel or an identifier did not fit its table.
     pub(in crate::session) fn emit_table_full(&mut self, frame: &Frame) {
-        if self.bus.channels.take_refused() {
+        if self.shared.bus.channels.take_refused() {
             self.emit_can(frame, EventKind::Evicted { what: "SDO channel", count: 1 });
         }
-        if self.bus.routes.take_refused() {
+        if self.shared.bus.routes.take_refused() {
             self.emit_can(frame, EventKind::Evicted { what: "learnt identifier", count: 1 });
         }
     }
 
     /// A frame with number and time of the last one, for events at the end of a capture.
     pub(in crate::session) fn last_frame(&self) -> Frame {
-        Frame { number: self.bus.last_frame, time: self.bus.last_time, ..Frame::EMPTY }
+        Frame { number: self.shared.bus.last_frame, time: self.shared.bus.last_time, ..Frame::EMPTY }
     }
 
     /// An event about one frame, as J1939, of the node that sent it.
@@ -280,7 +289,7 @@ impl Context<'_> {
     ) -> Event {
         Event {
             time: frame.time,
-            bus: self.bus.index,
+            bus: self.shared.bus.index,
             frames,
             protocol: Protocol::Uds,
             node,

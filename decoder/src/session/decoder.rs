@@ -140,7 +140,7 @@ impl BusDecoder {
         if id.pgn == Pgn::ADDRESS_CLAIMED && id.destination == ALL && id.source <= NO_ADDRESS {
             return self.claims.on_frame(id, frame, cx);
         }
-        mark_sender_alive(cx.bus, id.source, frame);
+        mark_sender_alive(&mut cx.bus, id.source, frame);
         match id.pgn {
             Pgn::REQUEST | Pgn::ACKNOWLEDGEMENT => self.requests.on_frame(id, frame, cx),
             Pgn::DM1 | Pgn::DM2 | Pgn::COMMANDED_ADDRESS => {

@@ -25,7 +25,7 @@ pub(in crate::session) fn apply_given(cx: &mut Context<'_>) {
     let owners: Vec<(CanId, Owner)> = options.bus_file.owners(&name).collect();
     for (id, owner) in &owners {
         let service = match owner {
-            Owner::Sdo(_, node) => given_channel(cx.bus, *node, &owners),
+            Owner::Sdo(_, node) => given_channel(&mut cx.bus, *node, &owners),
             _ => None,
         };
         let service = match (owner, service) {
@@ -43,9 +43,9 @@ pub(in crate::session) fn apply_given(cx: &mut Context<'_>) {
         assign(node, &device, by, cx);
     }
     for (id, address, value) in options.bus_file.objects(&name) {
-        give_object(cx.bus, *id, *address, value);
+        give_object(&mut cx.bus, *id, *address, value);
     }
-    give_areas(cx.bus, &options, &name);
+    give_areas(&mut cx.bus, &options, &name);
     for (id, conversion) in options.bus_file.conversions(&name) {
         if let Some(node) = cx.bus.node_mut(id) {
             node.j1939_state().conversion = Some(conversion);

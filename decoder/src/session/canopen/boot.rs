@@ -18,9 +18,9 @@ const TOGETHER: i64 = 2_000_000_000;
 /// The node sent its boot-up message.
 pub(in crate::session) fn on_boot_up(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
     apply_node_id_change(id, frame, cx);
-    let cause = boot_cause(cx.bus, id);
+    let cause = boot_cause(&mut cx.bus, id);
     mark_alive(id, frame, cx);
-    let lost = count_lost_settings(cx.bus, id);
+    let lost = count_lost_settings(&cx.bus, id);
     let Some(node) = cx.bus.node_mut(id) else { return };
     node.active_errors.clear();
     node.guarding.toggle = None;
@@ -41,8 +41,8 @@ pub(in crate::session) fn on_restart(id: NodeId, cause: BootCause, frame: &Frame
     let Some(node) = cx.bus.node_mut(id) else { return };
     node.boots = node.boots.saturating_add(1);
     node.just_booted = true;
-    let changes = restart_values(cx.bus, id, frame);
-    on_device_restart(cx.bus, id, frame);
+    let changes = restart_values(&mut cx.bus, id, frame);
+    on_device_restart(&mut cx.bus, id, frame);
     emit_restart_changes(id, changes, frame, cx);
     confirm_state(id, NmtState::PreOperational, StateCause::BootUp, frame, cx);
 }

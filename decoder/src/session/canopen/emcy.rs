@@ -27,7 +27,8 @@ impl Machine for Emcy {
     type Product = ();
 
     fn on_frame(&mut self, id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
-        cx.bus.canopen.count_unsupported(id.number(), cx.bus.clock.now());
+        let now = cx.bus.clock.now();
+        cx.bus.canopen.count_unsupported(id.number(), now);
         if !cx.is_decoded(frame) {
             return;
         }
@@ -41,7 +42,7 @@ impl Machine for Emcy {
         // A node that has no boot-up message shows its start here.
         let starts = node.device.nmt.boot == Boot::ReadyTelegram
             && (message == Message::Ready || node.reset_frame.is_some());
-        let boot = starts.then(|| boot_cause(cx.bus, id));
+        let boot = starts.then(|| boot_cause(&mut cx.bus, id));
         mark_alive(id, frame, cx);
         let Some(node) = cx.bus.node_mut(id) else { return };
         if starts {

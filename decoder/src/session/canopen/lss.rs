@@ -47,7 +47,7 @@ impl Machine for Lss {
     type Product = ();
 
     fn on_frame(&mut self, from_master: bool, frame: &Frame, cx: &mut Context<'_>) {
-        self.weigh(from_master, frame, cx.bus);
+        self.weigh(from_master, frame, &mut cx.bus);
         if !cx.is_decoded(frame) {
             return;
         }
@@ -135,7 +135,7 @@ impl Lss {
                 }
             }
             (Content::Nothing, false) if message.command == SELECTED => {
-                self.present = Self::node_of_address(cx.bus, self.address);
+                self.present = Self::node_of_address(&cx.bus, self.address);
             }
             (Content::Mode(_), true) => self.address = [None; 4],
             (Content::NodeId(id), true) => self.requested = Some(id),

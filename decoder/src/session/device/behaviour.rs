@@ -48,7 +48,7 @@ pub(in crate::session) fn on_values(
         let Some(field) = layout.fields.get(watched.place) else { continue };
         let (Some(meaning), Some(raw)) = (&field.meaning, field.extract(frame.data())) else { continue };
         if plan.commands {
-            assign_control_slot(cx.bus, id, &device, watched.object, slot);
+            assign_control_slot(&mut cx.bus, id, &device, watched.object, slot);
         }
         let Some(node) = cx.bus.node_mut(id) else { return };
         let before = node.behaviour.note(watched.object, raw);
@@ -62,7 +62,7 @@ pub(in crate::session) fn on_values(
         let object = watched.object;
         let changed = Changed { id, device: &device, field, object, meaning, before, raw };
         if watched.decides {
-            store_sample(cx.bus, &changed, frame);
+            store_sample(&mut cx.bus, &changed, frame);
         }
         field_changed(&changed, frame, cx);
     }
@@ -80,7 +80,7 @@ pub(in crate::session) fn on_values(
 
 fn field_changed(changed: &Changed<'_>, frame: &Frame, cx: &mut Context<'_>) {
     let object = changed.object;
-    control_changed(cx.bus, changed);
+    control_changed(&mut cx.bus, changed);
     if changed.meaning.role == Some(Role::Mode) {
         update_mode(changed.id, object, frame, cx);
     }

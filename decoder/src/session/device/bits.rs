@@ -62,7 +62,7 @@ pub(in crate::session) fn update_mode(
         channel: meaning.channel,
         from: known.map(title),
         to: title(number),
-        consequence: set_points_under_mode(cx.bus, id, object),
+        consequence: set_points_under_mode(&cx.bus, id, object),
     };
     if let Some(node) = cx.bus.node_mut(id) {
         node.behaviour.modes.retain(|(known, _)| *known != object);

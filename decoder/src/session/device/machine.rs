@@ -86,7 +86,7 @@ fn on_reported_state(
     let number = machine.states.iter().position(|state| state.name == to.name);
     let number = number.and_then(|number| u8::try_from(number).ok());
     let now = cx.bus.clock.now();
-    let Some(known) = machine_mut(cx.bus, changed.id, place) else { return };
+    let Some(known) = machine_mut(&mut cx.bus, changed.id, place) else { return };
     let was_old = std::mem::take(&mut known.is_old);
     if known.state == number {
         if was_old {
@@ -100,7 +100,7 @@ fn on_reported_state(
     let latest = slot.and_then(|slot| slot.plan.as_deref()?.recent.latest());
     let Some(node) = cx.bus.node(changed.id) else { return };
     let why = why(node, machine, &known, (from, to), latest, now);
-    let path = record_step(cx.bus, changed.id, place, machine, number, &why);
+    let path = record_step(&mut cx.bus, changed.id, place, machine, number, &why);
     let event = DeviceState {
         machine: machine.name.clone(),
         channel: machine.channel,
@@ -114,7 +114,7 @@ fn on_reported_state(
         control: why.control,
         path,
     };
-    if let Some(known) = machine_mut(cx.bus, changed.id, place) {
+    if let Some(known) = machine_mut(&mut cx.bus, changed.id, place) {
         known.state = number;
         (known.frame, known.since) = (frame.number, now);
         known.rising = 0;

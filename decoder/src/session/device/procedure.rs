@@ -91,7 +91,7 @@ pub(in crate::session) fn advance_procedures_by_message(
         if met.is_empty() && !procedure.triggers().any(|trigger| trigger.is_met_by(&event)) {
             continue;
         }
-        let streak = count_streak(cx.bus, id, place, !met.is_empty());
+        let streak = count_streak(&mut cx.bus, id, place, !met.is_empty());
         met.retain(|trigger| trigger.times() <= streak);
         advance_procedure(id, (place, procedure), &|trigger| met.contains(&trigger), frame, cx);
     }
@@ -110,7 +110,7 @@ fn count_streak(bus: &mut Bus, id: NodeId, place: usize, again: bool) -> u8 {
 fn start_procedure(id: NodeId, place: usize, procedure: &Procedure, frame: &Frame, cx: &mut Context<'_>) {
     let time = cx.bus.clock.now();
     let range = procedure.invalidates.clone();
-    mark_stale(cx.bus, id, |object| range.iter().any(|range| range.covers(object, 0, 0)));
+    mark_stale(&mut cx.bus, id, |object| range.iter().any(|range| range.covers(object, 0, 0)));
     if procedure.instant {
         let event = described(procedure, "finished", ProcedureStatus::Ok);
         return cx.emit(frame, id, false, EventKind::Procedure(Box::new(event)));
@@ -122,7 +122,7 @@ fn start_procedure(id: NodeId, place: usize, procedure: &Procedure, frame: &Fram
     let started = Moment { what: (), frame: frame.number, time };
     node.behaviour.running.push(Running { place, started, step: None, streak: 0 });
     let mut event = described(procedure, "started", ProcedureStatus::Running);
-    event.text = unmet_preconditions(cx.bus, id, procedure);
+    event.text = unmet_preconditions(&cx.bus, id, procedure);
     cx.emit(frame, id, false, EventKind::Procedure(Box::new(event)));
     if procedure.takes_over {
         reassess_set_points(id, frame, cx);
@@ -180,7 +180,7 @@ fn finish_procedure(
     cx.emit(frame, id, false, EventKind::Procedure(Box::new(event)));
     if status == ProcedureStatus::Error {
         for fallback in &procedure.on_error {
-            set_fallback(cx.bus, id, fallback.object.object, fallback.becomes, frame);
+            set_fallback(&mut cx.bus, id, fallback.object.object, fallback.becomes, frame);
         }
     }
     if procedure.takes_over {

@@ -30,8 +30,8 @@ pub(in crate::session) fn set_points_changed(
         };
         let Some(raw) = field.extract(frame.data()) else { continue };
         let value = field.data_type.number(raw);
-        let Some(place) = set_point(cx.bus, id, carrier, meaning) else { continue };
-        let Some(point) = set_point_mut(cx.bus, id, place) else { continue };
+        let Some(place) = set_point(&mut cx.bus, id, carrier, meaning) else { continue };
+        let Some(point) = set_point_mut(&mut cx.bus, id, place) else { continue };
         point.assumed = layout.assumed;
         if point.is_told(&value) {
             point.waiting = None;
@@ -98,7 +98,7 @@ impl Machine for Devices {
             node.behaviour.sync = Some(moment);
             let id = node.id;
             for place in 0..node.behaviour.set_points.len() {
-                let waiting = set_point_mut(cx.bus, id, place).and_then(|point| point.waiting.take());
+                let waiting = set_point_mut(&mut cx.bus, id, place).and_then(|point| point.waiting.take());
                 if let Some((value, came)) = waiting {
                     emit_set_point(id, place, value, came, frame, cx);
                 }
@@ -127,7 +127,7 @@ impl Timed for Devices {
         let Some(node) = cx.bus.node_mut(id) else { return };
         node.behaviour.sync_queued = false;
         for place in 0..node.behaviour.set_points.len() {
-            let Some(point) = set_point_mut(cx.bus, id, place) else { return };
+            let Some(point) = set_point_mut(&mut cx.bus, id, place) else { return };
             let Some(came) = point.waiting.as_ref().map(|(_, came)| *came) else { continue };
             let deadline = came.time.saturating_add(SYNC_AGE);
             if deadline >= now {
@@ -166,7 +166,7 @@ fn emit_set_point(
     let quantity = told.to.clone();
     let mut event = cx.event_of(frame, Some(id), EventKind::SetPoint(Box::new(told)));
     event.frames = FrameRange { first: came.frame, last: frame.number };
-    if let Some(point) = set_point_mut(cx.bus, id, place) {
+    if let Some(point) = set_point_mut(&mut cx.bus, id, place) {
         point.told = Some((value, quantity));
         point.effective = Some(verdict.effective);
         point.gates = verdict.gates;
@@ -187,7 +187,7 @@ pub(in crate::session) fn reassess_set_points(id: NodeId, frame: &Frame, cx: &mu
         }
     }
     for (place, event, verdict) in changes {
-        if let Some(point) = set_point_mut(cx.bus, id, place) {
+        if let Some(point) = set_point_mut(&mut cx.bus, id, place) {
             point.effective = Some(verdict.effective);
             point.gates = verdict.gates;
         }

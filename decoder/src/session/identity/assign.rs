@@ -30,7 +30,7 @@ pub(in crate::session) fn assign(id: NodeId, device: &Arc<Device>, by: AssignedB
     node.device = Arc::clone(device);
     node.assigned = Some(by);
     if id.canopen().is_some() {
-        take_delivered(cx.bus, id, by);
+        take_delivered(&mut cx.bus, id, by);
     }
     cx.bus.routes.refresh_pdos_of(id);
     if id.j1939().is_some() {

@@ -17,10 +17,10 @@ use crate::wire::canopen::ObjectAddress;
 /// A node appears under `id`: if one was given that node-ID, it is that one.
 pub(in crate::session) fn apply_node_id_change(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
     let (from, by) = if let Some((from, _)) = cx.bus.node_id_changes.take_by_lss(id) {
-        (from.map(NodeId::Canopen).or_else(|| only_one_in_reset(cx.bus, id)), "lss")
+        (from.map(NodeId::Canopen).or_else(|| only_one_in_reset(&cx.bus, id)), "lss")
     } else if let Some(from) = cx.bus.node_id_changes.take_by_uds(id) {
         (Some(from), "uds")
-    } else if let Some(from) = node_awaiting_id(cx.bus, id) {
+    } else if let Some(from) = node_awaiting_id(&cx.bus, id) {
         (Some(from), "object")
     } else {
         return;
@@ -92,13 +92,13 @@ pub(in crate::session) fn change_node_id(
     cx: &mut Context<'_>,
 ) {
     if let Some(from) = from {
-        let staying = retained_pdo_ids(cx.bus, from);
+        let staying = retained_pdo_ids(&cx.bus, from);
         move_node(from, to, cx);
-        move_delivered(cx.bus, to);
+        move_delivered(&mut cx.bus, to);
         for (name, id) in staying {
             cx.bus.routes.learn(id, Service::Pdo(name, to));
         }
-        reset_moved_objects(cx.bus, to);
+        reset_moved_objects(&mut cx.bus, to);
     }
     cx.emit(
         frame,
@@ -133,7 +133,7 @@ fn reset_moved_objects(bus: &mut Bus, id: NodeId) {
 /// stays with it, the defaults follow the node-ID.
 fn move_node(from: NodeId, to: NodeId, cx: &mut Context<'_>) {
     let place = |bus: &Bus, id: NodeId| bus.node_by_id.get(id.place()).copied().unwrap_or(0);
-    let (moved, replaced) = (place(cx.bus, from), place(cx.bus, to));
+    let (moved, replaced) = (place(&cx.bus, from), place(&cx.bus, to));
     for (place, id) in [(moved, to), (replaced, from)] {
         if let Some(node) = usize::from(place).checked_sub(1).and_then(|place| cx.bus.nodes.get_mut(place)) {
             node.id = id;

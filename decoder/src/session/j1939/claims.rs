@@ -117,7 +117,7 @@ impl Machine for Claims {
         claim.commanded = self.commanded(name, id.source, claim.action);
         // The frame of a loser says nothing of the device that keeps the address.
         if matches!(claim.action, ClaimAction::Claimed | ClaimAction::Confirmed) {
-            mark_sender_alive(cx.bus, id.source, frame);
+            mark_sender_alive(&mut cx.bus, id.source, frame);
         }
         let routine = claim.action == ClaimAction::Confirmed;
         let mut event = cx.j1939_event(frame, id, EventKind::AddressClaim(claim));
@@ -169,11 +169,11 @@ impl Claims {
             holder.filter(|it| *it != name).map(|other| Contention { other, winner: other.min(name) });
         let (action, contention) = match contention {
             None if holder.is_some() => {
-                note_defence(source, cx.bus);
+                note_defence(source, &mut cx.bus);
                 (ClaimAction::Confirmed, None)
             }
             Some(contention) if contention.winner != name => {
-                if is_undefended(source, name, cx.bus) {
+                if is_undefended(source, name, &mut cx.bus) {
                     self.take_address(name, source, cx);
                     (ClaimAction::Claimed, None)
                 } else {

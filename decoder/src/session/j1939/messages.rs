@@ -37,7 +37,8 @@ impl Machine for Messages {
         let Some(slot) = slot else { return unprepared_message(id, frame, cx) };
         cx.bus.clock.saw_periodic();
         let believed = cx.bus.j1939.is_confirmed();
-        let Some(entry) = cx.bus.routes.slot_mut(slot) else { return };
+        let bus = &mut cx.bus;
+        let Some(entry) = bus.routes.slot_mut(slot) else { return };
         let Some(event) = &mut entry.prepared else { return first_message(slot, id, frame, cx) };
         let EventKind::J1939Message(message) = &mut event.kind else { return };
         let continues = id.pgn.number() > LAST_OF_PAGE_0 && continues(message.payload(), frame.data());
@@ -58,7 +59,7 @@ impl Machine for Messages {
         if let Some(planned) = &mut entry.plan {
             matters = planned.plan.triggers || change.is_some_and(|change| change & planned.plan.mask != 0);
             if planned.plan.commands {
-                planned.recent.push(frame.number, cx.bus.clock.now());
+                planned.recent.push(frame.number, bus.clock.now());
             }
         }
         let watched = entry.cadence.is_some();
@@ -108,7 +109,7 @@ fn emit_fast_packet_note(frame: &Frame, cx: &mut Context<'_>) {
 fn first_message(slot: usize, id: J1939Id, frame: &Frame, cx: &mut Context<'_>) {
     let concerned = cx.bus.concerned_device(id);
     if let Some(concerned) = &concerned {
-        store_deciding_values(cx.bus, concerned, frame);
+        store_deciding_values(&mut cx.bus, concerned, frame);
     }
     let group = cx.bus.group_with(id, usize::from(frame.length), concerned.as_ref());
     let plan = concerned.as_ref().zip(group.layout.as_deref()).and_then(|(concerned, layout)| {
@@ -127,7 +128,7 @@ fn first_message(slot: usize, id: J1939Id, frame: &Frame, cx: &mut Context<'_>) 
             Box::new(Planned { plan: Arc::new(plan), recent })
         });
     }
-    watch_message(cx.bus, slot, concerned.and_then(|concerned| cadence(&concerned, id)));
+    watch_message(&mut cx.bus, slot, concerned.and_then(|concerned| cadence(&concerned, id)));
     on_watched_message(slot, frame, cx);
     cx.send_prepared(slot);
     pass_values_to_device(slot, id, frame, cx);

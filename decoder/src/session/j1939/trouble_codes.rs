@@ -101,7 +101,7 @@ impl Timed for TroubleCodes {
         for known in ended {
             let since = Some(deadline.saturating_sub(known.since));
             let change = DtcChange { known, action: DtcAction::NoLongerReported };
-            let dtc = Dtc { since, by_silence: true, ..describe_trouble_code(cx.bus, id, change) };
+            let dtc = Dtc { since, by_silence: true, ..describe_trouble_code(&cx.bus, id, change) };
             emit_frames(id, EventKind::Dtc(Box::new(dtc)), FrameRange::one(number), &frame, cx);
         }
         reassess_set_points(id, &frame, cx);
@@ -115,7 +115,7 @@ fn emit_trouble_code(id: NodeId, change: DtcChange, frames: FrameRange, frame: &
     let has_ended = change.action == DtcAction::NoLongerReported;
     let may_be_hidden = has_ended && may_be_hidden(node, code);
     let evicted = has_ended && !may_be_hidden && node.j1939_state().faults.was_active(change.known);
-    let kind = EventKind::Dtc(Box::new(Dtc { may_be_hidden, ..describe_trouble_code(cx.bus, id, change) }));
+    let kind = EventKind::Dtc(Box::new(Dtc { may_be_hidden, ..describe_trouble_code(&cx.bus, id, change) }));
     emit_frames(id, kind, frames, frame, cx);
     if evicted {
         cx.emit_can(frame, EventKind::Evicted { what: PREVIOUS, count: 1 });

@@ -44,7 +44,7 @@ pub(in crate::session) fn check_device_file(
     let source = import.file.kind.name();
     let found = wrong_size(described, value, source)
         .or_else(|| other_device(&import.file, described, value, id))
-        .or_else(|| not_configured(cx.bus, described, value, id));
+        .or_else(|| not_configured(&cx.bus, described, value, id));
     let Some((stated, text)) = found else { return };
     if !is_new_conflict(id, object, value, frame, cx) {
         return;

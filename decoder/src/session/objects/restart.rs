@@ -71,7 +71,7 @@ pub(in crate::session) fn emit_restart_changes(
         if from == to {
             continue;
         }
-        revert_value(cx.bus, id, object);
+        revert_value(&mut cx.bus, id, object);
         let kind = EventKind::ObjectChange(Box::new(ObjectChange {
             object,
             from,

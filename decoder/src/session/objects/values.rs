@@ -66,7 +66,7 @@ fn apply_download(
 ) {
     let entry = found.and_then(|found| found.entry);
     let effect = entry.map_or(Effect::Unknown, |entry| entry.effect);
-    note_store_command(cx.bus, id, learnt.object, learnt.value, device);
+    note_store_command(&mut cx.bus, id, learnt.object, learnt.value, device);
     if effect == Effect::Never {
         return;
     }
@@ -78,7 +78,7 @@ fn apply_download(
         set_value(id, learnt, entry, frame, cx);
     }
     if let Some(found) = found.filter(|_| !effect.waits()) {
-        invalidate_dependents(cx.bus, id, found);
+        invalidate_dependents(&mut cx.bus, id, found);
     }
 }
 
@@ -124,7 +124,7 @@ fn set_value(id: NodeId, learnt: Learnt<'_>, entry: Option<&Entry>, frame: &Fram
     if changed || !was_sure {
         cx.bus.routes.refresh_dependents(id, learnt.object);
     }
-    apply_object(cx.bus, id, learnt.object);
+    apply_object(&mut cx.bus, id, learnt.object);
 }
 
 fn emit_object_change(

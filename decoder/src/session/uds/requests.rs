@@ -92,14 +92,14 @@ impl Uds {
             Ok(Parsed::Negative { service, code }) => (service, Some(code)),
             Err(error) => return cx.emit_malformed_uds(frame, error, "too short for a UDS response"),
         };
-        if let Some(NodeId::Canopen(server)) = uds_node(cx.bus, link.back()) {
+        if let Some(NodeId::Canopen(server)) = uds_node(&cx.bus, link.back()) {
             mark_alive(NodeId::Canopen(server), frame, cx);
         }
         let now = cx.bus.clock.now();
         let is_pending = nrc == Some(RESPONSE_PENDING);
         let shape = profile::uds().service(service).filter(|_| nrc.is_none());
         let shape = shape.map_or_else(Shape::default, profile::UdsService::response);
-        let order = identifier_order(cx.bus, link.back());
+        let order = identifier_order(&cx.bus, link.back());
         let identifier = shape.identifier(transfer.data.get(1..).unwrap_or_default(), order);
         let answer = Answer { service, identifier, is_pending };
         let pairs = Arc::clone(&cx.bus.uds_pairs);
@@ -122,7 +122,7 @@ impl Uds {
         let shape = profile::uds().service(service).map_or_else(Shape::default, profile::UdsService::request);
         let data = transfer.data.get(1..).unwrap_or_default();
         let sub_function = shape.sub_function(data);
-        let identifier = shape.identifier(data, identifier_order(cx.bus, link));
+        let identifier = shape.identifier(data, identifier_order(&cx.bus, link));
         let mut exchange = Exchange::new(link, service, transfer, now);
         (exchange.sub_function, exchange.identifier) = (sub_function, identifier);
         for ended in self.exchanges.begin(exchange, now) {
@@ -149,7 +149,7 @@ fn end_unanswered(
 ) {
     let Some(outcome) = exchange.unanswered() else { return };
     let outcome = instead.filter(|_| outcome == ExchangeOutcome::NoAnswer).unwrap_or(outcome);
-    let told = describe_exchange(cx.bus, exchange.link, exchange.service, Some(exchange), None, outcome);
+    let told = describe_exchange(&cx.bus, exchange.link, exchange.service, Some(exchange), None, outcome);
     emit_exchange(exchange.link, told, exchange.request.frames, frame, cx);
 }
 
@@ -166,8 +166,8 @@ fn conclude(exchange: Option<&Exchange>, answer: &Final, frame: &Frame, cx: &mut
         cx.bus.is_uds = true;
         frames = FrameRange { first: exchange.request.frames.first, last: frames.last };
     }
-    let told = describe_exchange(cx.bus, server, answer.service, exchange, Some(answer), outcome);
-    let written = node_id_written(cx.bus, server, &told);
+    let told = describe_exchange(&cx.bus, server, answer.service, exchange, Some(answer), outcome);
+    let written = node_id_written(&cx.bus, server, &told);
     emit_exchange(server, told, frames, frame, cx);
     if let Some((from, to)) = written {
         cx.bus.node_id_changes.by_uds = Some((from, to));
@@ -204,7 +204,7 @@ fn emit_exchange(link: Link, told: UdsExchange, frames: FrameRange, frame: &Fram
     let routine = told.service == TESTER_PRESENT
         && matches!(told.outcome, ExchangeOutcome::Positive | ExchangeOutcome::Suppressed);
     let kind = EventKind::UdsExchange(Box::new(told));
-    let mut event = cx.uds_event(frame, frames, uds_node(cx.bus, link), kind);
+    let mut event = cx.uds_event(frame, frames, uds_node(&cx.bus, link), kind);
     event.routine = routine;
     cx.send(&event);
 }

@@ -24,10 +24,12 @@ pub struct News {
 impl News {
     /// Whether an event says something new, so that a reader of changes wants to see it. Ask once for each
     /// event, in order: what a PDO is compared with is the last one that was news.
+    #[inline]
     pub fn has(&mut self, event: &Event) -> bool {
-        if event.routine {
-            return false;
-        }
+        !event.routine && self.has_changed(event)
+    }
+
+    fn has_changed(&mut self, event: &Event) -> bool {
         match &event.kind {
             EventKind::Pdo(pdo) => {
                 let layout = pdo.layout.as_deref().filter(|_| !pdo.is_request);

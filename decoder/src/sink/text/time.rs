@@ -35,9 +35,9 @@ impl Clock {
         let Some(time) = time else { return out.extend_from_slice("        –".as_bytes()) };
         let before = self.last.replace(time);
         match self.style {
-            TimeColumn::Zero => seconds(time.since(self.first.unwrap_or(time)), 3, 9, out),
-            TimeColumn::Delta => seconds(time.since(before.unwrap_or(time)), 6, 11, out),
-            TimeColumn::Absolute => seconds(time.0, 6, 17, out),
+            TimeColumn::Zero => seconds::<3>(time.since(self.first.unwrap_or(time)), 9, out),
+            TimeColumn::Delta => seconds::<6>(time.since(before.unwrap_or(time)), 11, out),
+            TimeColumn::Absolute => seconds::<6>(time.0, 17, out),
             TimeColumn::Date => self.date(time, out),
         }
     }
@@ -57,20 +57,20 @@ impl Clock {
     }
 }
 
-/// Appends nanoseconds as seconds with `digits` digits behind the point, cut, right-aligned.
-fn seconds(nanoseconds: i64, digits: u32, width: usize, out: &mut Vec<u8>) {
-    let per_second = 10_u64.pow(digits.min(9));
-    let cut = nanoseconds.unsigned_abs() / 10_u64.pow(9 - digits.min(9));
+/// Appends nanoseconds as seconds with `DIGITS` decimal places (at most 9), truncated, right-aligned.
+fn seconds<const DIGITS: u32>(nanoseconds: i64, width: usize, out: &mut Vec<u8>) {
+    let per_second = const { 10_u64.pow(DIGITS) };
+    let cut = nanoseconds.unsigned_abs() / const { 10_u64.pow(9 - DIGITS) };
     let (whole, fraction) = (cut / per_second, cut % per_second);
     let whole_digits = whole.checked_ilog10().map_or(1, |log| log + 1);
-    let length = (u32::from(nanoseconds < 0) + whole_digits + 1 + digits) as usize;
+    let length = (u32::from(nanoseconds < 0) + whole_digits + 1 + DIGITS) as usize;
     push_blanks(out, width, length);
     if nanoseconds < 0 {
         out.push(b'-');
     }
     push_decimal(out, whole);
     out.push(b'.');
-    push_digits(out, fraction, digits as usize);
+    push_digits(out, fraction, DIGITS as usize);
 }
 
 #[cfg(test)]

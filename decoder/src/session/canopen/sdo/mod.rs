@@ -162,7 +162,7 @@ fn emit_transfer(
     if !cx.bus.canopen.is_confirmed() && transfer.cut_start && !transfer.is_answered() {
         return None;
     }
-    let described = describe(cx.bus, server, &mut transfer, frame.time);
+    let described = describe(&cx.bus, server, &mut transfer, frame.time);
     let mut event = cx.event(frame, EventKind::SdoTransfer(Box::new(described)));
     event.node = Some(server);
     event.frames = transfer.frames;

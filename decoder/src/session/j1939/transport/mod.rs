@@ -367,7 +367,7 @@ fn emit_transfer(
     cx: &mut Context<'_>,
 ) -> Option<TransferPayload> {
     let (id, frames) = (session.id(), session.frames);
-    let transfer = describe(cx.bus, session, ending);
+    let transfer = describe(&cx.bus, session, ending);
     let mut event = cx.j1939_event(frame, id, EventKind::J1939Transfer(Box::new(transfer)));
     event.frames = frames;
     cx.send(&event);
