@@ -64,15 +64,16 @@ pub(crate) fn push_padded(out: &mut Vec<u8>, value: u64, width: usize) {
 /// Appends a number, a comma and the number again.
 #[inline]
 pub(crate) fn push_twice(out: &mut Vec<u8>, value: u64) {
-    if value < PART {
+    // Seven digits, a comma and seven digits fit a register of sixteen bytes.
+    if value < PART / 10 {
         let (text, length) = short(value);
-        push_part(out, text, length);
-        out.push(b',');
-        push_part(out, text, length);
+        let text = u128::from(u64::from_le_bytes(text));
+        let both = text | (u128::from(b',') | text << 8) << (length * 8);
+        push_part(out, both.to_le_bytes(), 2 * length + 1);
     } else {
-        push_long(out, value);
+        push_decimal(out, value);
         out.push(b',');
-        push_long(out, value);
+        push_decimal(out, value);
     }
 }
 
@@ -136,8 +137,8 @@ const POWERS: [u64; 9] = [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_
 /// Appends a number below 10^9 with nine digits.
 #[inline]
 pub(crate) fn push_nine(out: &mut Vec<u8>, value: u64) {
-    out.extend_from_slice(&(decimal_digits(value / 10 % PART) | each(b'0')).to_le_bytes());
-    out.push(b'0' | (value % 10).to_le_bytes()[0]);
+    let [a, b, c, d, e, f, g, h] = (decimal_digits(value / 10 % PART) | each(b'0')).to_le_bytes();
+    out.extend_from_slice(&[a, b, c, d, e, f, g, h, b'0' | (value % 10).to_le_bytes()[0]]);
 }
 
 /// Appends the last `digits` of a number below 100,000,000, at most eight.

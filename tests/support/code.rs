@@ -1,29 +1,55 @@
-//! The text of sources without what is no code.
+//! Source texts, separated into code, comments and literals.
 
 #![allow(clippy::indexing_slicing, reason = "a test that cannot go on has failed")]
 
-/// The text without comments, and without what stands in strings and characters.
-pub fn blanked(text: &str) -> String {
-    let (mut out, mut rest) = (String::with_capacity(text.len()), text);
-    while let Some(c) = rest.chars().next() {
-        let taken = literal(rest);
-        if taken == 0 {
-            out.push(c);
-            rest = &rest[c.len_utf8()..];
-            // An `r` or a `b` within a word begins no string.
-            if c.is_alphanumeric() || c == '_' {
-                let end = rest.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(rest.len());
-                out.push_str(&rest[..end]);
-                rest = &rest[end..];
-            }
-        } else {
-            rest = &rest[taken..];
-        }
-    }
-    out
+/// A part of a source text.
+#[derive(Clone, Copy)]
+pub enum Part<'a> {
+    Code(&'a str),
+    Comment,
+    /// A string with its quotes.
+    String(&'a str),
+    Character,
 }
 
-/// Bytes of the comment, string or character that begins here; 0 where none does.
+/// The text in its parts, each with its offset.
+pub fn parts(text: &str) -> Vec<(usize, Part<'_>)> {
+    let (mut parts, mut at) = (Vec::new(), 0);
+    while let Some(c) = text[at..].chars().next() {
+        let rest = &text[at..];
+        let length = literal(rest);
+        if length == 0 {
+            // An `r` or a `b` within a word begins no string.
+            let is_word = |c: char| c.is_alphanumeric() || c == '_';
+            let word = rest.find(|c| !is_word(c)).unwrap_or(rest.len());
+            let length = word.max(c.len_utf8());
+            parts.push((at, Part::Code(&rest[..length])));
+            at += length;
+        } else {
+            parts.push((at, literal_kind(&rest[..length])));
+            at += length;
+        }
+    }
+    parts
+}
+
+fn literal_kind(text: &str) -> Part<'_> {
+    if text.starts_with('/') {
+        Part::Comment
+    } else if text.ends_with('\'') {
+        Part::Character
+    } else {
+        Part::String(text)
+    }
+}
+
+/// The text without comments, strings and characters.
+pub fn blanked(text: &str) -> String {
+    let code = |(_, part)| if let Part::Code(code) = part { Some(code) } else { None };
+    parts(text).into_iter().filter_map(code).collect()
+}
+
+/// Bytes of the comment, string or character that starts here; 0 if none does.
 fn literal(text: &str) -> usize {
     let until =
         |end: &str, from: usize| text[from..].find(end).map_or(text.len(), |at| from + at + end.len());

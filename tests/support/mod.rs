@@ -4,7 +4,7 @@
 #![allow(dead_code, reason = "each test binary uses a part")]
 #![allow(clippy::disallowed_methods, reason = "the rule is for the decoder, not for what tests it")]
 
-mod code;
+pub mod code;
 pub mod modules;
 
 use std::env;

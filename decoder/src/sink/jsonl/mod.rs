@@ -83,7 +83,7 @@ impl Lines {
     }
 
     /// The line of an event, with its end.
-    #[inline]
+    // Not `#[inline]`: the crate that uses the writer would compile it, at its own level of optimisation.
     pub(super) fn of(&mut self, event: &Event, bus: &Bus) -> &[u8] {
         self.line.clear();
         if !self.prepared.write(event, bus, &mut self.line) {

@@ -279,6 +279,13 @@ impl<W: Write> Write for Counted<W> {
         Ok(count)
     }
 
+    #[inline]
+    fn write_all(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.output.write_all(bytes)?;
+        self.written.fetch_add(bytes.len() as u64, Ordering::Relaxed);
+        Ok(())
+    }
+
     fn flush(&mut self) -> io::Result<()> {
         self.output.flush()
     }

@@ -9,6 +9,8 @@
 
 use std::io::{self, Write};
 
+use bytemuck::must_cast;
+
 use super::block::COMMENT;
 use crate::ascii::push_part;
 use crate::capture::Notice;
@@ -159,10 +161,16 @@ impl<W: Write> PcapngWriter<W> {
         let data = frame.data().len();
         let captured = u32::try_from(data + PACKET_HEADER).unwrap_or(u32::MAX);
         self.block.clear();
-        let header = [PACKET, 0, interface, high, low, captured, captured].map(u32::to_le_bytes);
-        if let Ok(header) = <[u8; BLOCK_HEADER]>::try_from(header.as_flattened()) {
-            self.block.extend_from_slice(&header);
-        }
+        let header = [
+            PACKET.to_le(),
+            0,
+            interface.to_le(),
+            high.to_le(),
+            low.to_le(),
+            captured.to_le(),
+            captured.to_le(),
+        ];
+        self.block.extend_from_slice(&must_cast::<_, [u8; BLOCK_HEADER]>(header));
         self.block.extend_from_slice(&start_of_packet(frame));
         match frame.bytes.first_chunk::<CLASSIC>() {
             Some(bytes) if data <= CLASSIC => push_part(&mut self.block, *bytes, data),
@@ -187,10 +195,11 @@ impl<W: Write> PcapngWriter<W> {
     }
 }
 
-/// A time in nanoseconds as the two halves of a stamp.
+/// A time in nanoseconds as the two halves of a stamp, the upper one first.
+#[inline]
 fn halves(time: Timestamp) -> [u32; 2] {
-    let stamp = u64::try_from(time.0).unwrap_or(0);
-    [stamp >> 32, stamp & u64::from(u32::MAX)].map(|half| u32::try_from(half).unwrap_or(u32::MAX))
+    let [a, b, c, d, e, f, g, h] = u64::try_from(time.0).unwrap_or(0).to_be_bytes();
+    [u32::from_be_bytes([a, b, c, d]), u32::from_be_bytes([e, f, g, h])]
 }
 
 /// Appends an option, padded to four bytes; a value too long for its length is cut.
