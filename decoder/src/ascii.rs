@@ -137,8 +137,11 @@ const POWERS: [u64; 9] = [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_
 /// Appends a number below 10^9 with nine digits.
 #[inline]
 pub(crate) fn push_nine(out: &mut Vec<u8>, value: u64) {
-    let [a, b, c, d, e, f, g, h] = (decimal_digits(value / 10 % PART) | each(b'0')).to_le_bytes();
-    out.extend_from_slice(&[a, b, c, d, e, f, g, h, b'0' | (value % 10).to_le_bytes()[0]]);
+    let mut text = [b'0' | (value % 10).to_le_bytes()[0]; 9];
+    if let Some(first) = text.first_chunk_mut() {
+        *first = (decimal_digits(value / 10 % PART) | each(b'0')).to_le_bytes();
+    }
+    out.extend_from_slice(&text);
 }
 
 /// Appends the last `digits` of a number below 100,000,000, at most eight.

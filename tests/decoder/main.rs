@@ -30,6 +30,7 @@ mod harness;
 mod imported;
 mod j1939;
 mod j1939_nm;
+mod language;
 mod limits;
 mod malformed;
 mod mutations;

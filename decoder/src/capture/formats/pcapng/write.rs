@@ -198,8 +198,8 @@ impl<W: Write> PcapngWriter<W> {
 /// A time in nanoseconds as the two halves of a stamp, the upper one first.
 #[inline]
 fn halves(time: Timestamp) -> [u32; 2] {
-    let [a, b, c, d, e, f, g, h] = u64::try_from(time.0).unwrap_or(0).to_be_bytes();
-    [u32::from_be_bytes([a, b, c, d]), u32::from_be_bytes([e, f, g, h])]
+    let [low, high]: [u32; 2] = must_cast(u64::try_from(time.0).unwrap_or(0).to_le());
+    [u32::from_le(high), u32::from_le(low)]
 }
 
 /// Appends an option, padded to four bytes; a value too long for its length is cut.
